@@ -1,0 +1,57 @@
+"""robodyn: load a URDF, simulate it, know what force every joint carries.
+
+    import robodyn as rd
+
+    robot = rd.load("robots/ur5e.urdf")
+    trajectory = rd.simulate(rd.Scene(robot), t_end=5.0)
+    trajectory.to_html("run.html")
+
+SI units and radians; six-vectors angular first; quaternions (w, x, y, z). DESIGN of the conventions: README.md.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+__version__ = "0.1.0"
+
+# name → the module that defines it; imported when first asked for, so that `import robodyn` costs next to nothing.
+_PUBLIC = {
+    "load": "robot",
+    "Robot": "robot",
+    "random_robot": "random",
+    "Scene": "scene",
+    "Reactions": "formalism.reactions",
+    "simulate": "simulation",
+    "Trajectory": "simulation",
+    "loads": "loads",
+    **dict.fromkeys(("ControlLaw", "JointDamping", "JointForce", "JointFriction", "JointSpring", "LinkWrench"), "loads"),
+    **dict.fromkeys(
+        ("RobodynError", "UrdfError", "ModelError", "InputError", "SimulationError", "FileError", "MissingPackageError", "RobodynWarning"),
+        "errors",
+    ),
+}
+
+__all__ = ["__version__", *_PUBLIC]  # pyright: ignore[reportUnsupportedDunderAll]
+
+if TYPE_CHECKING:
+    from . import loads
+    from .errors import FileError, InputError, MissingPackageError, ModelError, RobodynError, RobodynWarning, SimulationError, UrdfError
+    from .formalism.reactions import Reactions
+    from .loads import ControlLaw, JointDamping, JointForce, JointFriction, JointSpring, LinkWrench
+    from .random import random_robot
+    from .robot import Robot, load
+    from .scene import Scene
+    from .simulation import Trajectory, simulate
+
+
+def __getattr__(name: str) -> object:
+    if name not in _PUBLIC:
+        raise AttributeError(f"module 'robodyn' has no attribute {name!r}")
+    module = import_module(f"{__name__}.{_PUBLIC[name]}")
+    value = module if name == "loads" else getattr(module, name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_PUBLIC})

@@ -1,0 +1,124 @@
+"""Vectors, rotations and quaternions on arrays of any arithmetic, with any number of leading dimensions."""
+
+import numpy as np
+
+from .arithmetic import Array, dtype_of, sqrt, zeros
+
+
+def frozen(x: object, shape: tuple[int, ...] | None = None) -> Array:
+    """A read-only float64 copy (objects stay objects)."""
+    x = np.array(x) if np.asarray(x).dtype == object else np.array(x, dtype=float)
+    x = x if shape is None else x.reshape(shape)
+    x.flags.writeable = False
+    return x
+
+
+def column(x: Array, dimensions: int = 1) -> Array:
+    """x (...) with trailing dimensions of length 1, ready to scale vectors (1) or matrices (2).
+
+    NumPy hands out a scalar of an object array bare, as the object itself: it becomes an array again here.
+    """
+    return np.asarray(x)[(..., *(None,) * dimensions)]
+
+
+def transpose(A: Array) -> Array:
+    """Aᵀ over the last two dimensions."""
+    return np.swapaxes(A, -1, -2)
+
+
+def mul(A: Array, x: Array) -> Array:
+    """A x for matrices A (..., m, n) and vectors x (..., n)."""
+    return (A @ x[..., None])[..., 0]
+
+
+def dot(a: Array, b: Array) -> Array:
+    """aᵀ b for vectors (..., n)."""
+    return (a[..., None, :] @ b[..., :, None])[..., 0, 0]
+
+
+def outer(a: Array, b: Array) -> Array:
+    """a bᵀ for vectors (..., m), (..., n)."""
+    return a[..., :, None] * b[..., None, :]
+
+
+def cross(a: Array, b: Array) -> Array:
+    """a × b for vectors (..., 3)."""
+    a0, a1, a2 = a[..., 0], a[..., 1], a[..., 2]
+    b0, b1, b2 = b[..., 0], b[..., 1], b[..., 2]
+    return np.stack(np.broadcast_arrays(a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0), axis=-1)
+
+
+def skew(a: Array) -> Array:
+    """ã, the matrix (..., 3, 3) with ã b = a × b."""
+    A = zeros((*a.shape, 3), a.dtype)
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        A[..., k, j] = a[..., i]
+        A[..., j, k] = -a[..., i]
+    return A
+
+
+def mirrored(A: Array) -> Array:
+    """A symmetric matrix from the upper triangle of A: the lower one is copied, never computed a second time."""
+    A = np.array(A)
+    for i in range(A.shape[-1]):
+        for j in range(i):
+            A[..., i, j] = A[..., j, i]
+    return A
+
+
+def rotation(axis: Array, c: Array, s: Array) -> Array:
+    """Rotation matrix (..., 3, 3) about a unit axis (3,) by the angle with cosine c and sine s (...)."""
+    along = outer(axis, axis)
+    return along + column(c, 2) * (np.eye(3) - along) + column(s, 2) * skew(axis)
+
+
+def rotation_from_quaternion(p: Array) -> Array:
+    """Rotation matrix (..., 3, 3) of Euler parameters p = (w, x, y, z), (..., 4).
+
+    The division by p·p makes it an exact rotation for any p ≠ 0: a p that drifts from unit length between two
+    projections still means the same orientation.
+    """
+    w, e = p[..., 0], skew(p[..., 1:])
+    scale = 2.0 / dot(p, p)
+    return np.eye(3) + column(scale, 2) * (column(w, 2) * e + e @ e)
+
+
+def quaternion_rate(p: Array, omega: Array) -> Array:
+    """ṗ = H(p) ω for Euler parameters p (..., 4) and the angular velocity ω (..., 3) resolved in the body."""
+    w, e = p[..., :1], p[..., 1:]
+    return joined(column(-0.5 * dot(e, omega)), 0.5 * (w * omega + cross(e, omega)))
+
+
+def joined(*parts: Array) -> Array:
+    """The vectors one behind the other, (..., m + n + …), leading dimensions broadcast."""
+    batch = np.broadcast_shapes(*(a.shape[:-1] for a in parts))
+    return np.concatenate([np.broadcast_to(a, batch + a.shape[-1:]) for a in parts], axis=-1)
+
+
+def normalised(p: Array) -> Array:
+    """p / |p|."""
+    return p / column(sqrt(dot(p, p)))
+
+
+def rotation_from_rpy(rpy: Array) -> Array:
+    """Rotation matrix (3, 3) of a URDF's roll, pitch, yaw [rad]: R = Rz(yaw) Ry(pitch) Rx(roll)."""
+    x, y, z = np.eye(3)
+    roll, pitch, yaw = np.asarray(rpy, dtype=float)
+    return rotation(z, np.cos(yaw), np.sin(yaw)) @ rotation(y, np.cos(pitch), np.sin(pitch)) @ rotation(x, np.cos(roll), np.sin(roll))
+
+
+def snapped(R: Array) -> Array:
+    """R (3, 3) with entries that differ from 0 or ±1 by rounding alone (≤ 1e-15) set to them.
+
+    cos(π/2) is 6e-17 in float64: without this, every right angle of a file would leave a term that means nothing.
+    """
+    near = np.round(R)
+    return np.where(abs(R - near) <= 1e-15, near, R) + 0.0  # + 0.0 turns −0 into 0
+
+
+def homogeneous(R: Array, r: Array) -> Array:
+    """The pose (R, r) as a matrix (..., 4, 4)."""
+    batch = np.broadcast_shapes(R.shape[:-2], r.shape[:-1])
+    T = zeros((*batch, 4, 4), dtype_of(R, r))
+    T[..., :3, :3], T[..., :3, 3], T[..., 3, 3] = R, r, 1.0
+    return T

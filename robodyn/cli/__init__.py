@@ -1,0 +1,61 @@
+"""The `robodyn` command: one file per subcommand. Exit codes: 0 done, 1 an error of the input, 2 wrong usage, 130 interrupted."""
+
+import argparse
+import sys
+import warnings
+from collections.abc import Sequence
+
+from .. import __version__
+from ..errors import RobodynError, RobodynWarning
+from . import check, info, simulate, view
+
+COMMANDS = {"info": info, "check": check, "simulate": simulate, "view": view}
+
+EPILOG = """examples:
+  robodyn info robots/ur5e.urdf
+  robodyn check my_robot.urdf
+  robodyn simulate robots/ur5e.urdf --t-end 5 --html run.html
+  robodyn simulate robots/quadruped.urdf --floating-base --q0 ground.z=0.6 --t-end 1 --npz run.npz
+  robodyn view run.npz --open
+Units are SI and radians. `robodyn COMMAND --help` explains each command."""
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command line and its help."""
+    root = argparse.ArgumentParser(
+        prog="robodyn",
+        description="Load a URDF, simulate it, and know what force every joint carries.",
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    root.add_argument("--version", action="version", version=f"robodyn {__version__}")
+    commands = root.add_subparsers(dest="command", metavar="COMMAND", required=True)
+    for name, module in COMMANDS.items():
+        summary = (module.__doc__ or "").strip()
+        command = commands.add_parser(
+            name, help=summary.split("\n")[0], description=summary, formatter_class=argparse.RawDescriptionHelpFormatter
+        )
+        module.arguments(command)
+    return root
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line; returns the exit code."""
+    options = parser().parse_args(argv)
+    warnings.simplefilter("always", RobodynWarning)
+    warnings.showwarning = _show_warning
+    try:
+        return COMMANDS[options.command].run(options)
+    except RobodynError as error:
+        print(f"robodyn: error: {error}", file=sys.stderr)
+        return 1
+    except BrokenPipeError:  # `robodyn info … | head`
+        sys.stderr.close()
+        return 0
+    except KeyboardInterrupt:
+        print("robodyn: interrupted", file=sys.stderr)
+        return 130
+
+
+def _show_warning(message, category, filename, lineno, file=None, line=None) -> None:
+    print(f"robodyn: {'warning: ' if issubclass(category, RobodynWarning) else ''}{message}", file=sys.stderr)

@@ -1,0 +1,159 @@
+"""The equations of a scene: robot, gravity and loads put into the formalism. Generic over the scalar, any leading dimensions.
+
+Plain functions of arrays that are already checked (`inputs`), in whatever arithmetic the tree's constants are in (`scene`).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from .algebra import dot, homogeneous
+from .arithmetic import Array, dtype_of, zeros
+from .formalism import energy, kinematics
+from .formalism.constraints import coordinate_forces
+from .formalism.ldl import couplings
+from .formalism.nonrecursive import bias_forces, mass_matrix, nonrecursive
+from .formalism.reactions import Reactions, joint_wrenches, reactions
+from .formalism.recursive import recursive
+from .formalism.saddle import saddle_body, saddle_joint
+from .formalism.solution import Solution
+from .formalism.spatial import Pose, wrench_to_parent
+from .loads import Load, State
+from .model import Mechanism, Tree
+
+SWEEPS = {"nonrecursive": nonrecursive, "recursive": recursive}
+SADDLES = {"saddle_joint": saddle_joint, "saddle_body": saddle_body}
+FORMALISMS = ("auto", *SWEEPS, *SADDLES)
+
+
+class Applied(NamedTuple):
+    """Everything that acts at one state, gravity aside."""
+
+    u: Array  # (..., nu): the joints' own forces
+    tau: Array  # (..., nv): the same as coordinate forces
+    wrenches: dict[int, Array]  # (..., 6) on bodies, by body index
+    power: Array  # (...) [W] of the loads that have no potential
+
+
+@dataclass(frozen=True, eq=False)
+class Equations:
+    """A robot's tree with what acts on it."""
+
+    mechanism: Mechanism
+    tree: Tree
+    gravity: Array  # (3,)
+    loads: Sequence[Load]
+
+    # --- what acts ---
+
+    def applied(self, t: Array | float, q: Array, v: Array, tau: Array) -> Applied:
+        """The loads at a state, and tau (..., nv) at the joints that own the coordinates."""
+        mechanism, state = self.mechanism, State(self.mechanism, self.tree, t, q, v)
+        batch = np.broadcast_shapes(np.shape(t), q.shape[:-1], v.shape[:-1], tau.shape[:-1])
+        u = zeros((*batch, mechanism.nu), dtype_of(q, v, tau))
+        power = zeros(batch, u.dtype)
+        for i in mechanism.owners:
+            u[..., mechanism.u_slices[i]] = tau[..., mechanism.v_slices[i]]
+            power = power + dot(tau[..., mechanism.v_slices[i]], state.velocity(i))
+
+        wrenches: dict[int, Array] = {}
+        for load in self.loads:
+            for i, force in load.joint_forces(state).items():
+                u[..., mechanism.u_slices[i]] += force
+                if not load.conservative:
+                    power = power + dot(force, state.velocity(i))
+            for link, wrench in load.link_wrenches(state).items():
+                if (body := self.tree.link_body[link]) < 0:
+                    continue  # what is fixed to the ground does not feel it
+                if not load.conservative:
+                    power = power + dot(wrench, state.twist(link))
+                on_body = wrench_to_parent(state.placement(link), wrench)
+                wrenches[body] = wrenches[body] + on_body if body in wrenches else on_body
+        return Applied(u, self._coordinate_forces(u), wrenches, power)
+
+    def _coordinate_forces(self, u: Array) -> Array:
+        mechanism = self.mechanism
+        if mechanism.nu == mechanism.nv:
+            return u
+        tau = zeros((*u.shape[:-1], mechanism.nv), u.dtype)
+        for i, joint in enumerate(mechanism.joints):
+            ratio = joint.mimic.ratio if joint.mimic else 1.0
+            tau[..., mechanism.v_slices[i]] += ratio * u[..., mechanism.u_slices[i]]
+        return tau
+
+    # --- how it moves ---
+
+    def accelerate(self, q: Array, v: Array, acts: Applied, formalism: str) -> Solution:
+        """η̇ by the named route; the saddle-point routes have no pivots to show."""
+        if formalism == "auto":
+            formalism = self.cheapest
+        if formalism in SWEEPS:
+            return SWEEPS[formalism](self.tree, q, v, acts.tau, acts.wrenches, self.gravity)
+        _, _, vdot = SADDLES[formalism](self.tree, q, v, acts.u, acts.wrenches, self.gravity)
+        return Solution(vdot, vdot * 0.0 + 1.0, vdot * 0.0 + 1.0)
+
+    @cached_property
+    def cheapest(self) -> str:
+        """The route with the fewest operations here; NumPy's cost per call decides: one sweep per body against one entry per pair."""
+        pairs = sum(len(m) for m in couplings(self.tree))
+        return "nonrecursive" if self.tree.has_mimic or pairs <= 8 * self.tree.nv else "recursive"
+
+    def rate(self, q: Array, v: Array) -> Array:
+        """β̇ (..., nq)."""
+        return kinematics.rate(self.tree, q, v)
+
+    def project(self, q: Array) -> Array:
+        """q with unit quaternions."""
+        return kinematics.project(self.tree, q)
+
+    def side_conditions(self, q: Array) -> list[tuple[str, Array]]:
+        """Joint name and φ(β) (...) of each joint with Euler parameters."""
+        return [(self.mechanism.joints[body.link].name, phi) for body, phi in kinematics.side_conditions(self.tree, q)]
+
+    # --- what it takes and carries ---
+
+    def inverse(self, q: Array, v: Array, vdot: Array, wrenches: dict[int, Array]) -> Array:
+        """The coordinate forces (..., nv) that η̇ needs, joint loads included."""
+        state = kinematics.motion(self.tree, q, v)
+        f = joint_wrenches(self.tree, state, vdot, wrenches, self.gravity)
+        return coordinate_forces(self.tree, state, f, dtype_of(q, v, vdot))
+
+    def mass_matrix(self, q: Array) -> Array:
+        """M̂ (..., nv, nv)."""
+        return mass_matrix(self.tree, kinematics.motion(self.tree, q, np.zeros(self.tree.nv)), dtype_of(q))
+
+    def bias(self, q: Array, v: Array, wrenches: dict[int, Array]) -> Array:
+        """−k̂ᶜ − k̂ᵗ (..., nv): what inverse dynamics gives at η̇ = 0."""
+        return bias_forces(self.tree, kinematics.motion(self.tree, q, v), wrenches, self.gravity)
+
+    def reactions(self, q: Array, v: Array, vdot: Array, acts: Applied, frame: str, part: str, joints: tuple[int, ...]) -> Reactions:
+        """Reactions of the joints with these indices; `self.tree` must be open at each."""
+        return reactions(self.mechanism, self.tree, q, v, vdot, acts.u, acts.wrenches, self.gravity, frame=frame, part=part, joints=joints)
+
+    # --- energies, places ---
+
+    def kinetic(self, q: Array, v: Array) -> Array:
+        """Kinetic energy (...) [J]."""
+        return energy.kinetic(self.tree, kinematics.motion(self.tree, q, v))
+
+    def potential(self, t: Array | float, q: Array, v: Array) -> Array:
+        """Potential energy (...) [J] of gravity and the conservative loads."""
+        state = State(self.mechanism, self.tree, t, q, v)
+        of_gravity = energy.potential(self.tree, kinematics.motion(self.tree, q, v), self.gravity)
+        return of_gravity + sum(load.potential(state) for load in self.loads if load.conservative)
+
+    def momentum(self, q: Array, v: Array) -> Array:
+        """Angular momentum about the ground's origin, linear momentum (..., 6)."""
+        return energy.momentum(self.tree, kinematics.motion(self.tree, q, v))
+
+    def link_poses(self, q: Array) -> Array:
+        """The pose (..., nlinks, 4, 4) of every link's frame in the ground's."""
+        tree, world = self.tree, kinematics.world_poses(self.tree, kinematics.poses(self.tree, q))
+        placed = [Pose(R, r) for R, r in zip(tree.link_rotation, tree.link_translation, strict=True)]
+        links = [world[b] @ X if b >= 0 else X for b, X in zip(tree.link_body, placed, strict=True)]
+        matrices = [homogeneous(*X) for X in links]
+        shape = np.broadcast_shapes((*q.shape[:-1], 4, 4), *(T.shape for T in matrices))
+        return np.stack([np.broadcast_to(T, shape) for T in matrices], axis=-3)

@@ -1,0 +1,55 @@
+"""M̂ = Lᵀ D L with the zeros of the tree kept: from the leaves to the root no fill-in appears where two branches do not meet."""
+
+from ..arithmetic import Array
+from ..model import Tree
+
+Couplings = list[list[int]]  # for each coordinate k, the lower coordinates i < k with L_ki ≠ 0, ascending
+
+
+def couplings(tree: Tree) -> Couplings:
+    """Which coordinates meet in M̂ = LᵀDL: those of one joint and those on its way to the root.
+
+    Coordinates that several joints share (mimic) join branches; the elimination then fills in, and the fill is found here.
+    """
+    meets: list[set[int]] = [set() for _ in range(tree.nv)]
+    for body in tree.bodies:
+        own = range(body.v.start, body.v.stop)
+        path, j = [*own], body.parent
+        while j >= 0:
+            path += range(tree.bodies[j].v.start, tree.bodies[j].v.stop)
+            j = tree.bodies[j].parent
+        for k in own:
+            for m in path:
+                if m != k:
+                    meets[max(k, m)].add(min(k, m))
+    for k in reversed(range(tree.nv)):
+        for i in meets[k]:
+            meets[i] |= {j for j in meets[k] if j < i}
+    return [sorted(m) for m in meets]
+
+
+def factorise(M: Array, meets: Couplings) -> tuple[list[dict[int, Array]], list[Array]]:
+    """L as one dictionary of its entries per row, and the pivots D, for M (..., n, n)."""
+    n = M.shape[-1]
+    rows = [{i: M[..., k, i] for i in (*meets[k], k)} for k in range(n)]
+    for k in reversed(range(n)):
+        scale = 1.0 / rows[k][k]
+        L = {i: rows[k][i] * scale for i in meets[k]}
+        for i in meets[k]:
+            for j in (*(j for j in meets[k] if j < i), i):
+                rows[i][j] = rows[i][j] - L[i] * rows[k][j]
+        rows[k].update(L)
+    return rows, [rows[k][k] for k in range(n)]
+
+
+def solve(rows: list[dict[int, Array]], pivots: list[Array], b: list[Array], meets: Couplings) -> list[Array]:
+    """x with Lᵀ D L x = b, one array (...) per coordinate."""
+    x = list(b)
+    for k in reversed(range(len(x))):
+        for i in meets[k]:
+            x[i] = x[i] - rows[k][i] * x[k]
+    for k in range(len(x)):
+        x[k] = x[k] / pivots[k]
+        for i in meets[k]:
+            x[k] = x[k] - rows[k][i] * x[i]
+    return x

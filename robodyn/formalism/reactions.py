@@ -1,0 +1,102 @@
+"""Joint wrenches: f̌ᵏ = Mǎ − f̌ᶜ − f̌ᵗ, then f̌ᵖ = B⁻ᵀ f̌ᵏ, eq. (8), by one sweep from the leaves to the root.
+
+The sign convention stands here: the wrench ON the child body, FROM its parent, about the joint's origin O_i (the child
+link's origin), resolved in the child link's frame unless another frame is asked for.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..algebra import joined, mul
+from ..arithmetic import Array
+from ..errors import ModelError
+from ..model import Mechanism, Tree
+from .kinematics import Motion, accelerations, falling_ground, joint_position, motion, world_poses
+from .newton_euler import Wrenches, resultants
+from .spatial import angular, linear, wrench_to_parent
+
+FRAMES = ("child", "parent", "world")
+PARTS = ("constraint", "total")
+
+
+@dataclass(frozen=True, eq=False)
+class Reactions(Mapping[str, Array]):
+    """The wrench [M, F] (..., 6) in [N m, N] of each joint, by name: `reactions["elbow_joint"]`."""
+
+    joint_names: tuple[str, ...]
+    array: Array  # (..., njoints, 6)
+    frame: str = "child"
+    part: str = "constraint"
+
+    def __getitem__(self, name: str) -> Array:
+        if name not in self.joint_names:
+            raise ModelError(f"there is no reaction of a joint named {name!r} here: there are {', '.join(self.joint_names)}")
+        return self.array[..., self.joint_names.index(name), :]
+
+    def __iter__(self):  # type: ignore[override]
+        return iter(self.joint_names)
+
+    def __len__(self) -> int:
+        return len(self.joint_names)
+
+    def __repr__(self) -> str:
+        return f"<Reactions of {len(self)} joints, {self.part} part in the {self.frame} frame, array {self.array.shape}>"
+
+
+def inward(tree: Tree, state: Motion, f: list[Array]) -> list[Array]:
+    """B⁻ᵀ f̌ (..., 6 each): what each joint carries when f̌ is needed on each body."""
+    carried = list(f)
+    for i in reversed(range(len(tree.bodies))):
+        if (p := tree.bodies[i].parent) >= 0:
+            carried[p] = carried[p] + wrench_to_parent(state.pose[i], carried[i])
+    return carried
+
+
+def joint_wrenches(tree: Tree, state: Motion, vdot: Array, wrenches: Wrenches, gravity: Array) -> list[Array]:
+    """The whole wrench (..., 6) through each joint at η̇: reaction and joint forces together."""
+    a = accelerations(tree, state, falling_ground(gravity), vdot)
+    return inward(tree, state, resultants(tree, state, a, wrenches))
+
+
+def reactions(
+    mechanism: Mechanism,
+    tree: Tree,
+    q: Array,
+    v: Array,
+    vdot: Array,
+    u: Array,
+    wrenches: Wrenches,
+    gravity: Array,
+    *,
+    frame: str,
+    part: str,
+    joints: tuple[int, ...],
+) -> Reactions:
+    """Reactions of the joints with these indices; `tree` is open at every one of them. u (..., nu): the joints' own forces."""
+    state = motion(tree, q, v)
+    total = joint_wrenches(tree, state, vdot, wrenches, gravity)
+    world = world_poses(tree, state.pose) if frame == "world" else []
+    found = []
+    for link in joints:
+        i = tree.link_body[link]
+        body, f = tree.bodies[i], total[i]
+        if part == "constraint" and body.joint.nv:
+            f = f - mul(body.joint.actuation(joint_position(body, q)), u[..., body.u])
+        if frame == "world":
+            f = turned(world[i].R, f)
+        elif frame == "parent":
+            # Resolved in the parent link, which may sit askew on the parent body.
+            parent = mechanism.joints[link].parent
+            askew = tree.link_rotation[parent].T if parent >= 0 else np.eye(3)
+            f = turned(askew @ state.pose[i].R, f)
+        found.append(f)
+    names = tuple(mechanism.joints[link].name for link in joints)
+    shape = np.broadcast_shapes(*(f.shape for f in found)) if found else (6,)
+    return Reactions(names, np.stack([np.broadcast_to(f, shape) for f in found], axis=-2) if found else np.zeros((0, 6)), frame, part)
+
+
+def turned(R: Array, f: Array) -> Array:
+    """A wrench (..., 6) resolved in a frame in which its own has the rotation R; the point stays."""
+    return joined(mul(R, angular(f)), mul(R, linear(f)))

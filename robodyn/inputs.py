@@ -1,0 +1,70 @@
+"""The door: every array of a user passes here, and leaves as float64 or mpmath numbers of the right shape, finite and admissible."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from .arithmetic import Array, exact
+from .errors import InputError
+
+UNIT_TOLERANCE = 1e-6  # how far |quaternion|² may be from 1: room for files in single precision, none for a slip
+
+
+def choice(name: str, value: str, choices: Sequence[str]) -> str:
+    """`value` if it is one of `choices`."""
+    if value not in choices:
+        raise InputError(f"{name}={value!r} is not known: choose one of {', '.join(map(repr, choices))}")
+    return value
+
+
+def array(name: str, value: object, size: int, meaning: str, labels: Sequence[str] = (), *, objects: bool = False) -> Array:
+    """`value` as a finite array (..., size); `meaning` says what the last dimension is."""
+    x = np.asarray(value)
+    if x.dtype == object and objects and x.size and not any(isinstance(e, (str, bytes, type(None), complex)) for e in x.flat):
+        pass  # mpmath numbers stay what they are
+    elif x.dtype.kind in "fiu" or x.size == 0:
+        x = x.astype(float)
+    else:
+        raise InputError(f"{name} has elements of type {x.dtype}: it must be an array of real numbers")
+    if x.shape[-1:] != (size,):
+        raise InputError(f"{name} has the shape {x.shape}: its last dimension must be {size}, {meaning}")
+    bad = np.argwhere(~np.isfinite(x.astype(float)))
+    if len(bad):
+        index = tuple(int(i) for i in bad[0])
+        label = f" ({labels[index[-1]]})" if labels else ""
+        raise InputError(f"{name}[{', '.join(map(str, index))}]{label} is {x[index]}: every number must be finite")
+    return x
+
+
+def vector3(name: str, value: object) -> Array:
+    """`value` as three finite numbers."""
+    x = array(name, value, 3, "x, y and z")
+    if x.ndim != 1:
+        raise InputError(f"{name} has the shape {x.shape}: it must be (3,)")
+    return x
+
+
+def broadcast(**arrays: Array) -> tuple[int, ...]:
+    """The common leading dimensions of the arrays."""
+    try:
+        return np.broadcast_shapes(*(x.shape[:-1] for x in arrays.values()))
+    except ValueError:
+        shapes = ", ".join(f"{name} {x.shape}" for name, x in arrays.items())
+        raise InputError(f"the leading dimensions do not fit together: {shapes}") from None
+
+
+def unit_quaternions(conditions: Sequence[tuple[str, Array]]) -> None:
+    """InputError where φ(β) = |p|² − 1 is not zero within `UNIT_TOLERANCE`."""
+    for joint, phi in conditions:
+        phi = np.asarray(phi, dtype=float)
+        bad = np.argwhere(abs(phi) > UNIT_TOLERANCE)
+        if len(bad):
+            index = tuple(int(i) for i in bad[0])
+            where = f"q[{', '.join(map(str, index))}]: " if index else ""
+            length = float(np.sqrt(phi[index] + 1))
+            raise InputError(f"{where}the quaternion (w, x, y, z) of joint {joint!r} has the length {length:.9g}: normalise it to 1")
+
+
+def as_exact(*arrays: Array) -> list[Array]:
+    """The same numbers for mpmath: floats bit for bit, mpmath numbers as they are."""
+    return [x if x.dtype == object else exact(x) for x in arrays]

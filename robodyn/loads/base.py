@@ -1,0 +1,93 @@
+"""What every load answers. Each load is an immutable record of plain numbers, generic over the scalar when evaluated."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+
+from ..arithmetic import Array
+from ..errors import InputError
+from ..formalism.kinematics import motion, world_poses
+from ..formalism.spatial import Pose, twist_to_child
+from ..model import Mechanism, Tree
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """What a load may look at: the time, the coordinates, and on demand where the links are and how fast."""
+
+    mechanism: Mechanism
+    tree: Tree
+    t: Array | float
+    q: Array  # (..., nq)
+    v: Array  # (..., nv)
+
+    def position(self, joint: int) -> Array:
+        """β (..., nq_i) of a joint by its index; a mimic joint's follows its leader."""
+        beta, mimic = self.q[..., self.mechanism.q_slices[joint]], self.mechanism.joints[joint].mimic
+        return beta if mimic is None else mimic.ratio * beta + mimic.offset
+
+    def velocity(self, joint: int) -> Array:
+        """η (..., nv_i) of a joint by its index."""
+        eta, mimic = self.v[..., self.mechanism.v_slices[joint]], self.mechanism.joints[joint].mimic
+        return eta if mimic is None else mimic.ratio * eta
+
+    @cached_property
+    def _motion(self):
+        return motion(self.tree, self.q, self.v)
+
+    @cached_property
+    def _world(self) -> list[Pose]:
+        return world_poses(self.tree, self._motion.pose)
+
+    def placement(self, link: int) -> Pose:
+        """A link's frame in its body's."""
+        return Pose(self.tree.link_rotation[link], self.tree.link_translation[link])
+
+    def pose(self, link: int) -> Pose:
+        """A link's frame in the ground's, by the link's index."""
+        body, X = self.tree.link_body[link], self.placement(link)
+        return X if body < 0 else self._world[body] @ X
+
+    def twist(self, link: int) -> Array:
+        """A link's twist (..., 6) at its origin, resolved in it."""
+        body, X = self.tree.link_body[link], self.placement(link)
+        return twist_to_child(X, self._motion.twist[body]) if body >= 0 else np.zeros(6)
+
+
+@dataclass(frozen=True, eq=False)
+class Load:
+    """Forces f̌ᵗ in joints and on links. Override what the load has."""
+
+    conservative: ClassVar[bool] = False  # its work is minus the change of `potential`
+
+    def check(self, mechanism: Mechanism) -> None:
+        """Raise ModelError or InputError where the load does not fit the robot."""
+
+    def joint_forces(self, state: State) -> Mapping[int, Array]:
+        """Force or torque (..., nv_i) of the load in joints, by joint index; positive along the joint's velocity."""
+        return {}
+
+    def link_wrenches(self, state: State) -> Mapping[int, Array]:
+        """Wrench [M, F] (..., 6) on links, by link index, about the link's origin and resolved in the link."""
+        return {}
+
+    def potential(self, state: State) -> Array | float:
+        """Potential energy (...) [J] of a conservative load."""
+        return 0.0
+
+
+def joint_table(mechanism: Mechanism, values: Mapping[str, object], what: str) -> dict[int, Array]:
+    """`{"joint": number or one number per freedom}` by joint index, each checked and of size nv_i."""
+    table = {}
+    for name, value in values.items():
+        i = mechanism.joint_index(name)
+        n, value = mechanism.joints[i].type.nv, np.asarray(value, dtype=float)
+        if n == 0:
+            raise InputError(f"{what} of joint {name!r}: it is {mechanism.joints[i].type.kind} and has no freedom to act on")
+        if value.shape not in ((), (n,)) or not np.isfinite(value).all():
+            raise InputError(f"{what} of joint {name!r} is {value.tolist()}: give one finite number, or {n} of them")
+        table[i] = np.broadcast_to(value, (n,))
+    return table

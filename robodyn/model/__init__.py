@@ -1,0 +1,25 @@
+"""Immutable data: the robot as its file describes it, and the tree of bodies that its motion needs."""
+
+from .geometry import Box, Cylinder, Geometry, Mesh, Sphere, Visual
+from .inertia import Inertia
+from .mechanism import GROUND, Joint, Limits, Link, Mechanism, Mimic
+from .tree import Body, Tree, lump
+
+__all__ = [
+    "GROUND",
+    "Body",
+    "Box",
+    "Cylinder",
+    "Geometry",
+    "Inertia",
+    "Joint",
+    "Limits",
+    "Link",
+    "Mechanism",
+    "Mesh",
+    "Mimic",
+    "Sphere",
+    "Tree",
+    "Visual",
+    "lump",
+]

@@ -1,0 +1,92 @@
+"""The tree of bodies K_1 … K_n that the formalism works on: links that no freedom separates, lumped into one body."""
+
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from ..algebra import frozen, snapped
+from ..arithmetic import Array, exact, orthonormal
+from ..joints import JointType
+from .inertia import Inertia
+from .mechanism import Mechanism
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """Body K_i with the joint that carries it. Its frame is that of the link whose joint it is, its O that link's origin."""
+
+    joint: JointType
+    parent: int  # index of the parent body; −1: the ground
+    rotation: Array  # (3, 3): of the joint's frame in the parent body's
+    translation: Array  # (3,) [m]
+    inertia: Inertia
+    link: int  # index of that link, and so of the joint, in the mechanism
+    q: slice  # where β_i stands in q
+    v: slice  # where η_i stands in v: the columns of C
+    u: slice  # where the joint's own forces stand in u
+    ratio: float = 1.0  # of a mimic joint; 1 elsewhere
+    offset: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Tree:
+    """Bodies, a parent before its children; and where each link of the mechanism sits on its body."""
+
+    bodies: tuple[Body, ...]
+    nq: int
+    nv: int
+    nu: int
+    link_body: tuple[int, ...]  # the body that each link belongs to; −1: the ground
+    link_rotation: tuple[Array, ...]  # (3, 3) of each link's frame in its body's
+    link_translation: tuple[Array, ...]  # (3,) [m]
+
+    @cached_property
+    def has_mimic(self) -> bool:
+        """Whether several joints share a coordinate."""
+        columns = [body.v.start for body in self.bodies if body.joint.nv]
+        return len(set(columns)) < len(columns)
+
+    def exact(self) -> "Tree":
+        """The same tree with mpmath numbers; rotations and axes are made orthonormal to the last digit."""
+
+        def body(b: Body) -> Body:
+            inertia = Inertia(exact(b.inertia.mass), exact(b.inertia.moment), exact(b.inertia.tensor))
+            R, r = orthonormal(exact(b.rotation)), exact(b.translation)
+            return replace(b, joint=b.joint.exact(), rotation=R, translation=r, inertia=inertia)
+
+        rotations = tuple(orthonormal(exact(R)) for R in self.link_rotation)
+        translations = tuple(exact(r) for r in self.link_translation)
+        return replace(self, bodies=tuple(map(body, self.bodies)), link_rotation=rotations, link_translation=translations)
+
+
+def lump(mechanism: Mechanism, cut: Collection[int] = ()) -> Tree:
+    """The bodies of a mechanism: links on fixed joints become part of the body that carries them.
+
+    `cut` names joints (by index) that stay open although they are fixed, so that their reaction appears.
+    """
+    bodies: list[Body] = []
+    places: list[tuple[int, Array, Array]] = []  # body, rotation and translation of each link
+    for i, (link, joint) in enumerate(zip(mechanism.links, mechanism.joints, strict=True)):
+        # The joint's frame, seen from the body (or ground) that carries the parent link.
+        if joint.parent < 0:
+            parent, R, r = -1, joint.rotation, joint.translation
+        else:
+            parent, Rp, rp = places[joint.parent]
+            R, r = Rp @ joint.rotation, Rp @ joint.translation + rp
+        R, r = frozen(orthonormal(snapped(R))), frozen(r)
+
+        # A link without freedom adds its inertia to that body; what is fixed to the ground has none to add.
+        if joint.type.nv == 0 and i not in cut:
+            if parent >= 0:
+                bodies[parent] = replace(bodies[parent], inertia=bodies[parent].inertia + link.inertia.seen_from(R, r))
+            places.append((parent, R, r))
+            continue
+
+        ratio, offset = (joint.mimic.ratio, joint.mimic.offset) if joint.mimic else (1.0, 0.0)
+        where = {"q": mechanism.q_slices[i], "v": mechanism.v_slices[i], "u": mechanism.u_slices[i]}
+        bodies.append(Body(joint.type, parent, R, r, link.inertia, i, **where, ratio=ratio, offset=offset))
+        places.append((len(bodies) - 1, frozen(np.eye(3)), frozen(np.zeros(3))))
+    link_body, link_rotation, link_translation = zip(*places, strict=True)
+    return Tree(tuple(bodies), mechanism.nq, mechanism.nv, mechanism.nu, link_body, link_rotation, link_translation)

@@ -1,0 +1,186 @@
+"""`Trajectory`: the motion of a scene at a sequence of times, and what can be made of it."""
+
+import io
+import json
+import os
+import warnings
+import zipfile
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from ..arithmetic import Array
+from ..equations import Applied
+from ..errors import FileError, InputError, MissingPackageError, RobodynWarning
+from ..files import atomic_write
+from ..formalism.reactions import Reactions
+from ..loads import ControlLaw
+from ..scene import Scene
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FORMAT = 1  # of the npz file
+ARRAYS = ("t", "q", "v", "a", "u", "work")
+COMPONENTS = (("Mx", "N m"), ("My", "N m"), ("Mz", "N m"), ("Fx", "N"), ("Fy", "N"), ("Fz", "N"))
+
+
+class Energy(NamedTuple):
+    """Energies (T,) [J] over time. `balance` would be constant if the integration were exact."""
+
+    kinetic: Array
+    potential: Array  # gravity and springs
+    work: Array  # what all other loads have put in since the start; damping takes out, so it is negative
+    balance: Array  # kinetic + potential − work
+
+    @property
+    def drift(self) -> float:
+        """The largest |balance − balance at the start| [J]."""
+        return float(abs(self.balance - self.balance[0]).max())
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """States of a scene: t (T,) [s], q (T, nq), v (T, nv), a (T, nv), joint forces u (T, nu), work of the loads (T,) [J]."""
+
+    scene: Scene
+    t: Array
+    q: Array
+    v: Array
+    a: Array
+    u: Array
+    work: Array
+    stats: dict[str, Any] = field(default_factory=dict)  # method, tolerances, steps, evaluations, wall_time [s], completed
+
+    @property
+    def completed(self) -> bool:
+        """Whether the simulation reached its end; not so after Ctrl-C or an error."""
+        return bool(self.stats.get("completed", True))
+
+    def reactions(self, *, frame: str = "child", part: str = "constraint", joints: Iterable[str] | None = None) -> Reactions:
+        """The wrench (T, 6) of every joint over time; see `Scene.reactions` for frames and parts."""
+        scene = self.scene
+        wrenches = scene.equations().applied(self.t, self.q, self.v, np.zeros_like(self.v)).wrenches if scene.loads else {}
+        acts = Applied(self.u, np.zeros(0), wrenches, np.zeros(0))
+        return scene._reactions(self.q, self.v, self.a, acts, frame, part, joints, "numpy")
+
+    def energy(self) -> Energy:
+        """Kinetic and potential energy, the work of the loads, and their balance."""
+        equations = self.scene.equations()
+        kinetic, potential = equations.kinetic(self.q, self.v), equations.potential(self.t, self.q, self.v)
+        return Energy(*np.broadcast_arrays(kinetic, potential, self.work, kinetic + potential - self.work))
+
+    def link_poses(self) -> Array:
+        """The pose (T, nlinks, 4, 4) of every link in the ground's frame."""
+        return self.scene.equations().link_poses(self.q)
+
+    # --- files ---
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write everything to an .npz file: the states and the scene they belong to.
+
+        A ControlLaw is a function and cannot be stored: a warning says so, and its recorded forces are kept.
+        """
+        from ..records import to_json
+
+        kept = tuple(load for load in self.scene.loads if not isinstance(load, ControlLaw))
+        if len(kept) < len(self.scene.loads):
+            warnings.warn("a ControlLaw cannot be stored: the file keeps its forces, not its function", RobodynWarning, stacklevel=2)
+        buffer = io.BytesIO()
+        scene, stats = to_json(replace(self.scene, loads=kept)), json.dumps(self.stats)
+        arrays: dict[str, Any] = {name: getattr(self, name) for name in ARRAYS}
+        np.savez_compressed(buffer, format=FORMAT, scene=scene, stats=stats, **arrays)
+        atomic_write(path, buffer.getvalue())
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> "Trajectory":
+        """Read what `save` wrote. FileError where the file is missing, damaged or not a trajectory."""
+        from ..records import from_json
+
+        try:
+            with np.load(path, allow_pickle=False) as file:
+                if int(file["format"]) > FORMAT:
+                    raise FileError(f"{os.fspath(path)!r} was written by a newer robodyn (format {int(file['format'])}): update robodyn")
+                arrays = {name: file[name] for name in ARRAYS}
+                scene, stats = from_json(str(file["scene"])), json.loads(str(file["stats"]))
+        except FileNotFoundError:
+            raise FileError(f"there is no file {os.fspath(path)!r}") from None
+        except (OSError, KeyError, ValueError, TypeError, AttributeError, EOFError, zipfile.BadZipFile) as error:
+            raise FileError(f"{os.fspath(path)!r} is not a trajectory of robodyn, or is damaged: {error}") from error
+        n, robot = len(arrays["t"]), scene.robot
+        sizes = {"t": (n,), "q": (n, robot.nq), "v": (n, robot.nv), "a": (n, robot.nv), "u": (n, robot.nu), "work": (n,)}
+        wrong = [name for name, shape in sizes.items() if arrays[name].shape != shape]
+        if wrong:
+            raise FileError(f"{os.fspath(path)!r} is damaged: {', '.join(wrong)} do not have the shape that its robot needs")
+        return cls(scene=scene, stats=stats, **arrays)
+
+    def to_csv(self, folder: str | os.PathLike[str]) -> None:
+        """Write states.csv, reactions.csv and energy.csv: named columns with units, every digit of the numbers."""
+        folder = Path(folder)
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise FileError(f"cannot make the folder {str(folder)!r}: {error.strerror}") from error
+        q_names, v_names = self.scene.robot.coordinate_names()
+        rates = {"rad": "rad/s²", "m": "m/s²"}
+        a_names = [(name, rates[unit.removesuffix("/s")]) for name, unit in v_names]
+        columns = [(f"{s}.{name}", unit) for s, table in (("q", q_names), ("v", v_names), ("a", a_names)) for name, unit in table]
+        self._csv(folder / "states.csv", columns, np.hstack([self.q, self.v, self.a]))
+        r, energy = self.reactions(), self.energy()
+        columns = [(f"{joint}.{c}", unit) for joint in r.joint_names for c, unit in COMPONENTS]
+        self._csv(folder / "reactions.csv", columns, r.array.reshape(len(self.t), -1))
+        self._csv(folder / "energy.csv", [(name, "J") for name in Energy._fields], np.stack(energy, axis=-1))
+
+    def _csv(self, path: Path, columns: list[tuple[str, str]], rows: Array) -> None:
+        import csv
+
+        text = io.StringIO(newline="")
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(["t [s]", *(f"{name} [{unit}]" for name, unit in columns)])
+        writer.writerows(np.column_stack([self.t, rows]).tolist())
+        atomic_write(path, text.getvalue())
+
+    def to_html(self, path: str | os.PathLike[str], **options: Any) -> None:
+        """Write a page that shows the motion in any browser, with no server and no network; options of `view.write_html`."""
+        from ..view import write_html
+
+        write_html(path, self.scene.robot, times=self.t, poses=self.link_poses(), **options)
+
+    def plot(self, joints: Iterable[str] | None = None) -> "Figure":
+        """A Matplotlib figure: positions, velocities, and the reaction's force and moment of the named joints (all moving ones)."""
+        try:
+            from matplotlib.figure import Figure
+        except ImportError as error:
+            raise MissingPackageError("Trajectory.plot needs Matplotlib: pip install 'robodyn[plot]'") from error
+        robot = self.scene.robot
+        names = list(robot.joint_names if joints is None else [joints] if isinstance(joints, str) else joints)
+        if not names:
+            raise InputError("there is no joint to plot")
+        q_names, v_names = robot.coordinate_names()
+        reactions = self.reactions(joints=names)
+        figure = Figure(figsize=(9, 10), layout="constrained")
+        panels = figure.subplots(4, 1, sharex=True)
+        for name in names:
+            i = robot.joint_index(name)
+            for panel, values, where, labels in (
+                (panels[0], self.q, robot.q_slices[i], q_names),
+                (panels[1], self.v, robot.v_slices[i], v_names),
+            ):
+                for column in range(where.start, where.stop):
+                    panel.plot(self.t, values[:, column], label="{} [{}]".format(*labels[column]))
+            panels[2].plot(self.t, np.linalg.norm(reactions[name][:, 3:], axis=-1), label=name)
+            panels[3].plot(self.t, np.linalg.norm(reactions[name][:, :3], axis=-1), label=name)
+        titles = ("position", "velocity", "reaction force [N]", "reaction moment [N m]")
+        for panel, title in zip(panels, titles, strict=True):
+            panel.set_ylabel(title)
+            panel.grid(alpha=0.3)
+            panel.legend(fontsize="x-small", loc="upper right", ncols=2)
+        panels[-1].set_xlabel("t [s]")
+        return figure
+
+    def __repr__(self) -> str:
+        span = f"{self.t[0]:g} to {self.t[-1]:g} s" if len(self.t) else "empty"
+        return f"<Trajectory of {self.scene.robot.name!r}: {len(self.t)} states, {span}{'' if self.completed else ', interrupted'}>"
