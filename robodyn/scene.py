@@ -15,7 +15,7 @@ from .errors import InputError, ModelError
 from .formalism.reactions import FRAMES, PARTS, Reactions
 from .formalism.solution import Solution
 from .loads import JointDamping, JointFriction, Load
-from .model import Mechanism, Tree, lump
+from .model import Mechanism, lump
 
 BACKENDS = ("numpy", "mpmath")
 DIGITS = 50  # of backend="mpmath"
@@ -59,28 +59,17 @@ class Scene:
         return (*self.loads, *declared)
 
     @cached_property
-    def tree(self) -> Tree:
-        """The bodies that move; links on fixed joints are lumped."""
-        return lump(self.robot)
-
-    @cached_property
-    def open_tree(self) -> Tree:
-        """The same with every fixed joint cut open, the joint to ground included."""
-        return lump(self.robot, cut=range(len(self.robot.joints)))
-
-    @cached_property
     def _equations(self) -> dict[tuple[str, bool], Equations]:
         return {}
 
     def equations(self, backend: str = "numpy", *, opened: bool = False) -> Equations:
-        """The scene's equations in one arithmetic; `opened`: on the tree that shows every joint's reaction."""
+        """The scene's equations in one arithmetic: links on fixed joints lumped, or `opened` at every joint to show its reaction."""
         key = (inputs.choice("backend", backend, BACKENDS), opened)
         if key not in self._equations:
-            tree, gravity = self.open_tree if opened else self.tree, np.asarray(self.gravity)
-            if backend == "mpmath":
-                with mpmath().workdps(DIGITS):
-                    tree, gravity = tree.exact(), exact(gravity)
-            self._equations[key] = Equations(self.robot, tree, gravity, self.all_loads)
+            with arithmetic(backend):
+                robot, gravity = (self.robot, self.gravity) if backend == "numpy" else (self.robot.exact(), exact(self.gravity))
+                tree = lump(robot, cut=range(len(robot.joints)) if opened else ())
+            self._equations[key] = Equations(self.robot, tree, np.asarray(gravity), self.all_loads)
         return self._equations[key]
 
     def _door(self, backend: str, **arrays: object) -> Sequence[Array]:
@@ -123,7 +112,7 @@ class Scene:
 
     def _refuse_undetermined(self) -> None:
         """ModelError where a joint moves nothing that has mass: the motion is undetermined whatever the state."""
-        tree = self.tree
+        tree = self.equations().tree
         heavy = [not body.inertia.is_zero for body in tree.bodies]
         for i in reversed(range(len(tree.bodies))):
             if (p := tree.bodies[i].parent) >= 0:

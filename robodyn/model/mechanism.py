@@ -1,14 +1,15 @@
 """The robot as data: links, joints and the tree they form. Immutable; no algorithms."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
+from typing import Self
 
 import numpy as np
 
 from ..algebra import frozen
-from ..arithmetic import Array
+from ..arithmetic import Array, exact, orthonormal
 from ..errors import ModelError
 from ..joints import JointType
 from .geometry import Visual
@@ -175,6 +176,19 @@ class Mechanism:
             return [(f"{joint}.{name}" if name else joint, unit) for joint, (name, unit) in entries]
 
         return named("coordinates"), named("velocities")
+
+    # --- numbers ---
+
+    def exact(self) -> Self:
+        """The same robot with mpmath numbers; rotations and axes are made orthonormal to the last digit."""
+
+        def joint(j: Joint) -> Joint:
+            return replace(j, type=j.type.exact(), rotation=orthonormal(exact(j.rotation)), translation=exact(j.translation))
+
+        def link(x: Link) -> Link:
+            return replace(x, inertia=Inertia(exact(x.inertia.mass), exact(x.inertia.moment), exact(x.inertia.tensor)))
+
+        return replace(self, links=tuple(map(link, self.links)), joints=tuple(map(joint, self.joints)))
 
     # --- states ---
 

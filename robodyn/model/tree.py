@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from ..algebra import frozen, snapped
-from ..arithmetic import Array, exact, orthonormal
+from ..arithmetic import Array, orthonormal
 from ..joints import JointType
 from .inertia import Inertia
 from .mechanism import Mechanism
@@ -48,18 +48,6 @@ class Tree:
         columns = [body.v.start for body in self.bodies if body.joint.nv]
         return len(set(columns)) < len(columns)
 
-    def exact(self) -> "Tree":
-        """The same tree with mpmath numbers; rotations and axes are made orthonormal to the last digit."""
-
-        def body(b: Body) -> Body:
-            inertia = Inertia(exact(b.inertia.mass), exact(b.inertia.moment), exact(b.inertia.tensor))
-            R, r = orthonormal(exact(b.rotation)), exact(b.translation)
-            return replace(b, joint=b.joint.exact(), rotation=R, translation=r, inertia=inertia)
-
-        rotations = tuple(orthonormal(exact(R)) for R in self.link_rotation)
-        translations = tuple(exact(r) for r in self.link_translation)
-        return replace(self, bodies=tuple(map(body, self.bodies)), link_rotation=rotations, link_translation=translations)
-
 
 def lump(mechanism: Mechanism, cut: Collection[int] = ()) -> Tree:
     """The bodies of a mechanism: links on fixed joints become part of the body that carries them.
@@ -75,7 +63,7 @@ def lump(mechanism: Mechanism, cut: Collection[int] = ()) -> Tree:
         else:
             parent, Rp, rp = places[joint.parent]
             R, r = Rp @ joint.rotation, Rp @ joint.translation + rp
-        R, r = frozen(orthonormal(snapped(R))), frozen(r)
+        R, r = frozen(orthonormal(R if R.dtype == object else snapped(R))), frozen(r)
 
         # A link without freedom adds its inertia to that body; what is fixed to the ground has none to add.
         if joint.type.nv == 0 and i not in cut:
