@@ -1,0 +1,109 @@
+"""A robot of example-robot-data in Pinocchio and in robodyn, and the maps between their coordinates.
+
+Pinocchio orders joints by name, stacks six-vectors linear first, stores quaternions (x, y, z, w) and continuous joints as
+(cos, sin), and gives mimic joints coordinates of their own: a mimic robot's motion is Pinocchio's with η = G η_own.
+"""
+
+import sysconfig
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+import robodyn as rd
+
+DATA = Path(sysconfig.get_paths()["purelib"]) / "cmeel.prefix/share/example-robot-data/robots"
+
+ROBOTS = {
+    "ur5": "ur_description/urdf/ur5_robot.urdf",
+    "ur10": "ur_description/urdf/ur10_robot.urdf",
+    "panda": "panda_description/urdf/panda.urdf",
+    "talos_reduced": "talos_data/robots/talos_reduced.urdf",
+    "talos_full": "talos_data/robots/talos_full_v2.urdf",
+    "solo12": "solo_description/robots/solo12.urdf",
+    "hyq": "hyq_description/robots/hyq_no_sensors.urdf",
+    "anymal_c": "anymal_c_simple_description/urdf/anymal.urdf",
+    "anymal_b": "anymal_b_simple_description/robots/anymal.urdf",
+    "kinova": "kinova_description/robots/kinova.urdf",
+    "romeo": "romeo_description/urdf/romeo_small.urdf",
+    "tiago": "tiago_description/robots/tiago.urdf",
+    "icub": "icub_description/robots/icub_reduced.urdf",
+    "allegro_hand": "allegro_hand_description/urdf/allegro_right_hand.urdf",
+    "z1": "z1_description/urdf/z1.urdf",
+    "bolt": "bolt_description/robots/bolt.urdf",
+    "go1": "go1_description/urdf/go1.urdf",
+}
+
+
+def swap(f):
+    """Linear-first six-vectors as angular-first ones, and back."""
+    return np.concatenate([f[..., 3:], f[..., :3]], axis=-1)
+
+
+class Pair:
+    """One robot in both libraries."""
+
+    def __init__(self, path: Path, floating_base: bool) -> None:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", rd.RobodynWarning)  # what real files contain is reported, and tested elsewhere
+            self.robot = rd.load(path, floating_base=floating_base)
+        root = (pin.JointModelFreeFlyer(),) if floating_base else ()
+        self.model = pin.buildModelFromUrdf(str(path), *root)
+        self.model.gravity.linear = np.array([0.0, 0.0, -9.81])
+        self.data = self.model.createData()
+        robot = self.robot
+
+        # v_pin = G v, block by block.
+        self.G = np.zeros((self.model.nv, robot.nv))
+        for i, joint in enumerate(robot.joints):
+            if joint.type.nv:
+                rows, ratio = self._columns(self._pin(joint.name)), joint.mimic.ratio if joint.mimic else 1.0
+                block = np.eye(joint.type.nv) if joint.type.nv != 6 else np.roll(np.eye(6), 3, axis=0)
+                self.G[rows, robot.v_slices[i]] = ratio * block
+
+    def _pin(self, name: str) -> int:
+        return self.model.getJointId("root_joint" if name == "ground" else name)
+
+    def _columns(self, joint: int) -> slice:
+        start = self.model.joints[joint].idx_v
+        return slice(start, start + self.model.joints[joint].nv)
+
+    def q(self, q):
+        """robodyn's q (nq,) as Pinocchio's."""
+        out = pin.neutral(self.model)
+        for i, joint in enumerate(self.robot.joints):
+            if not joint.type.nv:
+                continue
+            there = self.model.joints[self._pin(joint.name)]
+            value = q[self.robot.q_slices[i]]
+            if joint.mimic:
+                value = joint.mimic.ratio * value + joint.mimic.offset
+            if joint.type.nv == 6:
+                value = np.concatenate([value[:3], value[4:], value[3:4]])
+            elif there.nq == 2:
+                value = np.array([np.cos(value[0]), np.sin(value[0])])
+            out[there.idx_q : there.idx_q + there.nq] = value
+        return out
+
+    def mass_matrix(self, q):
+        """M̂ (nv, nv) in robodyn's coordinates."""
+        M = pin.crba(self.model, self.data, self.q(q))
+        M = np.triu(M) + np.triu(M, 1).T
+        return self.G.T @ M @ self.G
+
+    def inverse_dynamics(self, q, v, a):
+        """tau (nv,) in robodyn's coordinates."""
+        return self.G.T @ pin.rnea(self.model, self.data, self.q(q), self.G @ v, self.G @ a)
+
+    def forward_dynamics(self, q, v, tau):
+        """η̇ (nv,): by ABA where every joint owns its coordinate, by M̂ η̇ = τ − h where some mimic."""
+        if self.robot.nu == self.robot.nv:
+            return self.G.T @ pin.aba(self.model, self.data, self.q(q), self.G @ v, self.G @ tau)
+        return np.linalg.solve(self.mass_matrix(q), tau - self.inverse_dynamics(q, v, 0 * v))
+
+    def joint_wrenches(self, q, v, a):
+        """The whole wrench (6,) through each moving joint, by name, on the child, about its origin, in the child's frame."""
+        pin.rnea(self.model, self.data, self.q(q), self.G @ v, self.G @ a)
+        names = [joint.name for joint in self.robot.joints if joint.type.nv]
+        return {name: swap(self.data.f[self._pin(name)].vector) for name in names}
