@@ -33,11 +33,11 @@ function moveLinks(t) {
   });
 }
 
-// Corners of the links' boxes all through the motion (at 200 instants of a long one): what there is to see.
+// Corners of the links' boxes all through the motion, at 200 instants of a long one and fewer of a large robot: what there is to see.
 function reach() {
   links.forEach(link => place(link, [0, 0, 0, 1, 0, 0, 0]));
   const boxes = links.map(link => new THREE.Box3().setFromObject(link)), points = [];
-  const instants = Math.min(times.length, 200);
+  const instants = Math.min(times.length, 200, Math.ceil(20000 / links.length));
   for (let n = 0; n < instants; n++) {
     moveLinks(times[Math.round(n * (times.length - 1) / Math.max(1, instants - 1))]);
     links.forEach((link, i) => {

@@ -10,9 +10,11 @@ from html import escape
 from importlib.resources import files
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 from ..arithmetic import Array
 from ..errors import MissingPackageError, RobodynWarning
+from ..files import atomic_write
 from ..model import Mechanism
 from .figure import figure
 from .motion import motion
@@ -28,19 +30,19 @@ def write_html(path: str | os.PathLike[str], mechanism: Mechanism, *, times: Arr
     One instant gives a still picture. The same input gives the same bytes.
     Raises InputError for arrays that do not fit, MissingPackageError without meshcat; warns about meshes that cannot be drawn.
     """
-    from ..files import atomic_write
-
     data = {**figure(mechanism), **motion(times, poses, len(mechanism.links))}
-    page = assemble(title or mechanism.name, data).encode()
+    page = assemble(title or mechanism.name, data).encode("utf-8", "replace")  # a title from a file name may hold anything
     if len(page) > HEAVY:
-        hint = "its meshes are heavy: give lighter ones" if data["meshes"] else "give fewer frames per second"
-        warnings.warn(RobodynWarning(f"{os.fspath(path)}: the page has {len(page) / 1e6:.0f} MB and will open slowly; {hint}"), stacklevel=2)
+        hint = "give fewer frames per second" if 2 * len(data["poses"]) > len(page) else "give the robot lighter meshes"
+        warnings.warn(
+            RobodynWarning(f"{os.fspath(path)}: the page has {len(page) / 1e6:.0f} MB and will open slowly; {hint}"), stacklevel=2
+        )
     atomic_write(path, page)
 
 
-def assemble(title: str, data: dict[str, object]) -> str:
+def assemble(title: str, data: dict[str, Any]) -> str:
     """The page's text. Its policy lets exactly these two scripts run, and nothing be fetched."""
-    own = files(__package__)
+    own = files("robodyn.view")
     bundle, notices = _meshcat()
     viewer, script = _inline(bundle), _inline("\n".join((own / name).read_text("utf-8") for name in SCRIPTS))
     parts = {

@@ -3,6 +3,8 @@
 const FRONT = new THREE.Vector3(1, -1.35, 0.7).normalize(); // from the robot to the camera; z is up
 const FOV = 32; // [deg]
 
+const largest = (items, size) => items.reduce((most, item) => Math.max(most, size(item)), 0);
+
 function webglWorks() {
   const canvas = document.createElement("canvas");
   return Boolean(canvas.getContext("webgl2") || canvas.getContext("webgl"));
@@ -24,7 +26,7 @@ function openStage() {
   const points = reach();
   const box = new THREE.Box3().setFromPoints(points);
   const centre = box.getCenter(new THREE.Vector3());
-  const radius = Math.max(...points.map(point => point.distanceTo(centre))) || 1;
+  const radius = largest(points, point => point.distanceTo(centre)) || 1;
   const floor = Math.min(0, box.min.z);
   viewer.set_object(["Lights"], lights(centre, radius, floor));
   viewer.set_object(["Floor"], shadowFloor(centre, radius, floor));
@@ -52,10 +54,10 @@ function lookAt(viewer, points, centre, radius, share) {
   camera.fov = FOV;
   const height = Math.tan(FOV / 2 * Math.PI / 180), width = height * camera.aspect;
   const right = new THREE.Vector3(0, 0, 1).cross(FRONT).normalize(), up = FRONT.clone().cross(right);
-  const distance = Math.max(...points.map(point => {
+  const distance = Math.max(2 * radius, largest(points, point => {
     const p = point.clone().sub(centre);
     return p.dot(FRONT) + Math.max(Math.abs(p.dot(right)) / (0.92 * width), Math.abs(p.dot(up)) / (share * height));
-  }), 2 * radius);
+  }));
 
   // meshcat's camera lives in a frame whose y is up.
   const position = centre.clone().addScaledVector(FRONT, distance);
@@ -71,28 +73,27 @@ function lights(centre, radius, floor) {
   const group = new THREE.Group();
   group.position.copy(centre);
 
-  const key = new THREE.DirectionalLight(0xffffff, 0.95);
+  const key = new THREE.DirectionalLight(0xffffff, 0.68);
   key.position.set(0.35, -0.5, 1).multiplyScalar(4 * radius);
   key.target = group;
   key.castShadow = true;
   key.shadow.mapSize.set(2048, 2048);
-  key.shadow.radius = 3;
   key.shadow.bias = -1e-4;
   key.shadow.normalBias = 0.004 * radius;
   const seen = 1.15 * Math.hypot(radius, 0.5 * (centre.z - floor));
   Object.assign(key.shadow.camera, { left: -seen, right: seen, top: seen, bottom: -seen, near: radius, far: 12 * radius });
 
-  const rim = new THREE.DirectionalLight(0xffffff, 0.3);
+  const rim = new THREE.DirectionalLight(0xffffff, 0.18);
   rim.position.set(-1, 0.6, 0.5).multiplyScalar(4 * radius);
   rim.target = group;
 
-  const sky = new THREE.HemisphereLight(0xffffff, 0x9a9ea6, 0.62);
+  const sky = new THREE.HemisphereLight(0xffffff, 0x8d929b, 0.44);
   sky.position.set(0, 0, 1);
   return group.add(key, rim, sky);
 }
 
 function shadowFloor(centre, radius, floor) {
-  const plane = new THREE.Mesh(new THREE.CircleGeometry(20 * radius, 64), new THREE.ShadowMaterial({ opacity: 0.22, depthWrite: false }));
+  const plane = new THREE.Mesh(new THREE.CircleGeometry(20 * radius, 64), new THREE.ShadowMaterial({ opacity: 0.18, depthWrite: false }));
   plane.position.set(centre.x, centre.y, floor - 1e-3 * radius);
   plane.receiveShadow = true;
   return plane;
