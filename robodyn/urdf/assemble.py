@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..algebra import frozen, snapped
-from ..arithmetic import Array, orthonormal
+from ..arithmetic import Array, orthonormal, unit
 from ..errors import InputError
 from ..joints import JOINT_TYPES, Fixed, Free
 from ..model import GROUND, Box, Cylinder, Geometry, Inertia, Joint, Limits, Link, Mechanism, Mesh, Mimic, Sphere, Visual
@@ -102,7 +102,8 @@ def visual_of(visual: "urdf.Visual", link: str, appearance: Appearance) -> Visua
     return Visual(geometry_of(visual.geometry, link, appearance), R, r, colour, name, texture)
 
 
-def geometry_of(geometry: "urdf.Geometry", link: str, appearance: Appearance) -> Geometry:
+def geometry_of(geometry: Any, link: str, appearance: Appearance) -> Geometry:
+    """The one shape that the check left in yourdfpy's record of four."""
     if geometry.box:
         return Box(tuple(geometry.box.size.tolist()))
     if geometry.cylinder:
@@ -127,7 +128,7 @@ def found(path: str, filename: str, link: str, appearance: Appearance) -> str | 
 
 def joint_of(joint: "urdf.Joint", parent: int, ledger: Ledger) -> Joint:
     R, r = pose_of(joint.origin)
-    type = JOINT_TYPES[joint.type].from_axis(joint.axis)
+    type = JOINT_TYPES[joint.type].from_axis(snapped(unit(joint.axis)))
     dynamics = joint.dynamics
     damping, friction = (float(value or 0.0) for value in (dynamics.damping, dynamics.friction)) if dynamics else (0.0, 0.0)
     return Joint(joint.name, type, parent, R, r, limits_of(joint, ledger), damping, friction)
@@ -135,7 +136,8 @@ def joint_of(joint: "urdf.Joint", parent: int, ledger: Ledger) -> Joint:
 
 def limits_of(joint: "urdf.Joint", ledger: Ledger) -> Limits:
     """Declared limits. URDF's default for one missing bound is 0; a joint without any is meant to be unlimited."""
-    declared = {name: value for name, value in vars(joint.limit).items() if value is not None} if joint.limit else {}
+    given = {name: getattr(joint.limit, name, None) for name in ("lower", "upper", "velocity", "effort")}
+    declared = {name: value for name, value in given.items() if value is not None}
     if {"lower", "upper"} & declared.keys():
         declared = {"lower": 0.0, "upper": 0.0} | declared
     elif JOINT_TYPES[joint.type].bounded:
@@ -153,7 +155,7 @@ def couple(mechanism: Mechanism, mimics: "Mapping[str, urdf.Mimic]", locked: Map
     for name in held:
         ledger.ignore("joint@type", "the caller locked the joint", f"joint {name!r} at {locked[name]}")
 
-    for name, mimic in mimics.items():
+    for name in mimics:
         i = mechanism.joint_index(name)
         if name in held:
             ledger.ignore("joint/mimic", "the caller locked the joint", f"joint {name!r}")
@@ -185,7 +187,7 @@ def couple(mechanism: Mechanism, mimics: "Mapping[str, urdf.Mimic]", locked: Map
 def locked_value(joint: Joint, value: Any) -> Array:
     """The coordinates (nq,) at which the caller wants a joint locked; InputError where they are no pose of it."""
     nq = joint.type.nq
-    given = f"locked[{joint.name!r}] = {value!r}"
+    given = f"locked[{joint.name!r}] = {value!r:.80}"
     if nq == 0:
         raise InputError(f"{given}: a {joint.type.kind} joint does not move, leave it out")
     wanted = "one number" if nq == 1 else f"{nq} numbers ({', '.join(name for name, _ in joint.type.coordinates)})"

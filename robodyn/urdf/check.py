@@ -52,7 +52,7 @@ def refuse_other_formats(root: Element, ledger: Ledger) -> None:
     kinds = {"sdf": "an SDF file", "mujoco": "a MuJoCo (MJCF) file"}
     if root.tag != "robot":
         ledger.reject(root, f"is {kinds.get(root.tag, 'the root of something else')}: give a URDF, whose root is <robot name=…>")
-    macros = [element for element in root.iter() if element.tag.startswith("xacro:")]
+    macros = [element for element in root.everything() if element.tag.startswith("xacro:")]
     if macros:
         ledger.reject(macros[0], f"is one of {len(macros)} xacro tags: run `xacro robot.urdf.xacro > robot.urdf` and load the result")
     ledger.settle()
@@ -63,24 +63,29 @@ def refuse_other_formats(root: Element, ledger: Ledger) -> None:
 
 def honoured(element: Element, tag: Tag, path: str, ledger: Ledger) -> Element:
     """A copy of the element with those attributes and children that the table knows and finds sound."""
-    copy, line = element.bare(), f"line {element.line}"
+    copy = Element(element.tag, {}, element.line, element.within)
+    line = f"line {element.line}"
 
     # Attributes, present and absent.
-    for name, text in element.items():
+    for name, text in element.attributes.items():
         value = tag.attributes.get(name) or unknown(name, tag.attributes)
         if isinstance(value, str):
             ledger.ignore(f"{path}@{name}", value, line)
         elif fault := value.fault(text):
             ledger.reject(element, f"{name}={quoted(text)} {fault}")
         else:
-            copy.set(name, text)
+            copy.attributes[name] = text
     for name, value in tag.attributes.items():
-        if isinstance(value, Value) and value.required and name not in element.attrib:
+        if isinstance(value, Value) and value.required and name not in element.attributes:
             ledger.reject(element, f'has no {name}: write {name}="{value.example()}"')
+
+    ledger.honour(path, tag.use, line, set(copy.attributes))
+    if element.has_text:
+        ledger.ignore(f"{path}/text()", "URDF has no text between tags", line)
 
     # Children, present and absent.
     seen: Counter[str] = Counter()
-    for child in element:
+    for child in element.children:
         rule = tag.children.get(child.tag) or unknown(child.tag, tag.children)
         rule = rule(child) if callable(rule) else rule
         inner = f"{path}/{child.tag}".removeprefix("robot/")
@@ -90,23 +95,19 @@ def honoured(element: Element, tag: Tag, path: str, ledger: Ledger) -> Element:
         elif seen[child.tag] > 1 and not rule.many:
             ledger.reject(child, f"is number {seen[child.tag]} of its kind: keep one")
         else:
-            copy.append(honoured(child, rule, inner, ledger))
+            copy.children.append(honoured(child, rule, inner, ledger))
     for name, rule in tag.children.items():
         if isinstance(rule, Tag) and rule.required and not seen[name]:
             ledger.reject(element, f"has no <{name}>: add {rule.example(name)}")
 
-    # Text between the tags.
-    if any((text or "").strip() for text in (element.text, *(child.tail for child in element))):
-        ledger.ignore(f"{path}/text()", "URDF has no text between tags", line)
-    ledger.honour(path, tag.use, line, set(copy.keys()))
     return copy
 
 
 def unique(robot: Element, kind: str, ledger: Ledger) -> dict[str, Element]:
     """The links, or the joints, by name."""
     found: dict[str, Element] = {}
-    for element in robot.findall(kind):
-        name = element.get("name")
+    for element in robot.all(kind):
+        name = element.attributes.get("name")
         if name in found:
             ledger.reject(element, f"has the name of the {kind} in line {found[name].line}: rename one of them")
         elif name is not None:
@@ -125,18 +126,18 @@ def numbers(element: Element | None, attribute: str, default: str) -> Array:
 
 def check_inertia(link: Element, ledger: Ledger) -> None:
     """The tensor is positive semidefinite; moments that no matter can have, c > a + b, are reported and used."""
-    inertia = link.find("inertial/inertia")
-    if inertia is None or not {"ixx", "iyy", "izz"} <= inertia.keys():
+    inertia = link.first("inertial", "inertia")
+    if inertia is None or not {"ixx", "iyy", "izz"} <= inertia.attributes.keys():
         return
     xx, xy, xz, yy, yz, zz = (numbers(inertia, name, "0")[0] for name in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))
     a, b, c = np.linalg.eigvalsh(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
 
     # Rounding is what is lost in Θ about O anyway, beside the moments themselves and Steiner's share m ρ².
-    mass = numbers(link.find("inertial/mass"), "value", "0")[0]
-    centre = numbers(link.find("inertial/origin"), "xyz", "0 0 0")
+    mass = numbers(link.first("inertial", "mass"), "value", "0")[0]
+    centre = numbers(link.first("inertial", "origin"), "xyz", "0 0 0")
     rounding = 16 * np.finfo(float).eps * max(abs(a), abs(c), mass * (centre @ centre))
 
-    path, where = "link/inertial/inertia", f"{quoted(link.get('name', ''))} line {inertia.line}"
+    path, where = "link/inertial/inertia", f"{quoted(link.get('name'))} line {inertia.line}"
     if a < -rounding:
         ledger.reject(inertia, f"has the principal moments {a:.6g}, {b:.6g}, {c:.6g}: none can be negative, correct the tensor")
     elif c - a - b > TRIANGLE * c + rounding:
@@ -147,8 +148,8 @@ def check_inertia(link: Element, ledger: Ledger) -> None:
 
 def check_materials(robot: Element, ledger: Ledger) -> None:
     """A name may be given twice; that is no reason to refuse a robot."""
-    seen: set[str | None] = set()
-    for material in robot.findall("material"):
+    seen: set[str] = set()
+    for material in robot.all("material"):
         if material.get("name") in seen:
             ledger.ignore("material", "a name that was given before: the first definition counts", f"line {material.line}")
         seen.add(material.get("name"))
@@ -156,9 +157,9 @@ def check_materials(robot: Element, ledger: Ledger) -> None:
 
 def check_shapes(link: Element, ledger: Ledger) -> None:
     """One shape for each visual."""
-    for geometry in link.iterfind("visual/geometry"):
-        if len(geometry) > 1:
-            ledger.reject(geometry, f"holds {len(geometry)} shapes: write one <visual> for each")
+    for geometry in link.all("visual", "geometry"):
+        if len(geometry.children) > 1:
+            ledger.reject(geometry, f"holds {len(geometry.children)} shapes: write one <visual> for each")
 
 
 # --- joints -----------------------------------------------------------------------------------------------------------
@@ -166,15 +167,15 @@ def check_shapes(link: Element, ledger: Ledger) -> None:
 
 def check_axis(joint: Element, ledger: Ledger) -> None:
     """An axis has a direction."""
-    axis = joint.find("axis")
+    axis = joint.first("axis")
     length = np.linalg.norm(numbers(axis, "xyz", "1 0 0"))
     if axis is not None and not TINY_AXIS < length < HUGE_AXIS:
-        ledger.reject(axis, f'has the length {length:g}: write a direction, as in xyz="0 0 1"')
+        ledger.reject(axis, f'xyz={quoted(axis.get("xyz"))} has the length {length:g}, no direction: write one, as in xyz="0 0 1"')
 
 
 def check_limits(joint: Element, ledger: Ledger) -> None:
     """The lower limit is not above the upper one; one that is absent is 0."""
-    limit = joint.find("limit")
+    limit = joint.first("limit")
     lower, upper = numbers(limit, "lower", "0")[0], numbers(limit, "upper", "0")[0]
     if limit is not None and lower > upper:
         ledger.reject(limit, f"has lower={lower:g} above upper={upper:g}: exchange or correct them")
@@ -182,24 +183,25 @@ def check_limits(joint: Element, ledger: Ledger) -> None:
 
 def check_mimics(joints: dict[str, Element], ledger: Ledger) -> None:
     """A mimic joint follows another one, both with one coordinate, and no joint follows itself in the end."""
-    leaders = {name: mimic.get("joint") for name, joint in joints.items() if (mimic := joint.find("mimic")) is not None}
-    for name, leader in leaders.items():
-        mimic = joints[name].find("mimic")
-        if leader is None or mimic is None:
+    leaders: dict[str, str] = {}
+    for name, joint in joints.items():
+        mimic = joint.first("mimic")
+        if mimic is None or "joint" not in mimic.attributes:
             continue
+        leaders[name] = leader = mimic.get("joint")
         if leader not in joints:
             ledger.reject(mimic, f"follows joint={quoted(leader)}, which the file has not: {similar(leader, joints) or 'name a joint'}")
-        elif freedoms(joints[name]) > 1 or freedoms(joints[leader]) > 1:
-            kinds = f"{joints[name].get('type')} joint {quoted(name)} with {joints[leader].get('type')} joint {quoted(leader)}"
+        elif freedoms(joint) > 1 or freedoms(joints[leader]) > 1:
+            kinds = f"{joint.get('type')} joint {quoted(name)} with {joints[leader].get('type')} joint {quoted(leader)}"
             ledger.reject(mimic, f"couples {kinds}: only joints with one coordinate can be coupled")
-    for cycle in cycles({name: leader for name, leader in leaders.items() if leader in joints}):
+    for cycle in cycles(leaders):
         names = " → ".join(map(quoted, [*cycle, cycle[0]]))
         ledger.reject(joints[cycle[0]], f"follows itself, {names}: let one of these joints lead")
 
 
 def freedoms(joint: Element) -> int:
     """Number of joint velocities; of a joint whose type is wrong, one."""
-    kind = JOINT_TYPES.get(joint.get("type", ""), JOINT_TYPES["revolute"])
+    kind = JOINT_TYPES.get(joint.get("type"), JOINT_TYPES["revolute"])
     return len(kind.velocities)
 
 
@@ -213,26 +215,26 @@ def check_tree(robot: Element, links: dict[str, Element], joints: dict[str, Elem
         return
 
     # Where each joint hangs, and which links it joins.
-    parents: dict[str, str | None] = {}
+    parents: dict[str, str] = {}
     carrier: dict[str, Element] = {}
-    sound = len(links) == len(robot.findall("link")) and len(joints) == len(robot.findall("joint"))
+    sound = len(links) + len(joints) == sum(1 for child in robot.children if child.tag in ("link", "joint"))
     for joint in joints.values():
-        ends = {end: link for end in ("parent", "child") if (link := joint.find(end)) is not None and "link" in link.attrib}
+        ends = {end: link for end in ("parent", "child") if (link := joint.first(end)) and "link" in link.attributes}
         for end in ends.values():
-            name = end.get("link", "")
+            name = end.get("link")
             if name not in links:
                 sound = False
                 ledger.reject(end, f"names link={quoted(name)}, which the file has not: {similar(name, links) or 'name a link'}")
         if len(ends) < 2:
             sound = False
             continue
-        child = ends["child"].get("link", "")
+        child = ends["child"].get("link")
         if child in carrier:
             ledger.reject(
                 joint, f"carries the link {quoted(child)}, as does {carrier[child]} in line {carrier[child].line}: delete one of them"
             )
-        carrier.setdefault(child, joint)
-        parents.setdefault(child, ends["parent"].get("link"))
+        else:
+            carrier[child], parents[child] = joint, ends["parent"].get("link")
 
     # The shape of the whole can be judged only where every joint says what it joins.
     if not sound:
@@ -242,20 +244,19 @@ def check_tree(robot: Element, links: dict[str, Element], joints: dict[str, Elem
         first = links[roots[0]]
         ledger.reject(links[name], f"is a second root beside {first} in line {first.line}: let a joint carry it, or delete it")
     for cycle in cycles(parents):
-        names = " → ".join(quoted(carrier[link].get("name", "")) for link in cycle)
+        names = " → ".join(quoted(carrier[link].get("name")) for link in cycle)
         ledger.reject(carrier[cycle[0]], f"closes a loop of joints, {names}: cut it, a URDF is a tree")
 
 
-def cycles(following: dict[str, str | None]) -> Iterator[list[str]]:
+def cycles(following: dict[str, str]) -> Iterator[list[str]]:
     """Every closed path name → following[name] → …, once."""
-    done: set[str | None] = set()
-    for start in following:
-        path: dict[str | None, None] = {}
-        name: str | None = start
+    done: set[str] = set()
+    for name in following:
+        path: dict[str, None] = {}  # a set that keeps its order
         while name in following and name not in done and name not in path:
             path[name] = None
             name = following[name]
         if name in path:
             steps = list(path)
-            yield [str(step) for step in steps[steps.index(name) :]]
-        done |= path.keys()
+            yield steps[steps.index(name) :]
+        done.update(path)

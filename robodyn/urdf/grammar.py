@@ -7,9 +7,10 @@ Absent means, as URDF has it: origin the identity, axis (1, 0, 0), ixy = ixz = i
 damping and friction 0, a lower or upper limit 0 beside one that is given. No bounds at all means no limit.
 """
 
+import math
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from functools import cache
@@ -71,7 +72,7 @@ class Numbers(Value):
     """Decimal numbers between blanks."""
 
     count: tuple[int, ...] = (1,)
-    lowest: float = -LARGEST
+    lowest: float = -math.inf
     infinite: bool = False  # may be: a limit that is none
 
     def example(self) -> str:
@@ -160,7 +161,7 @@ SHAPES: dict[str, Rule] = {
 
 
 def texture(element: Element) -> Tag | str:
-    return Tag("an image to show", {"filename": NAME}) if "filename" in element.attrib else "names no file"
+    return Tag("an image to show", {"filename": NAME}) if "filename" in element.attributes else "names no file"
 
 
 LOOK: dict[str, Rule] = {"color": Tag("a colour", {"rgba": Numbers(count=(4,), required=True)}), "texture": texture}
@@ -168,7 +169,7 @@ LOOK: dict[str, Rule] = {"color": Tag("a colour", {"rgba": Numbers(count=(4,), r
 
 def visual(element: Element) -> Tag | str:
     """A visual without a shape that can be shown is ignored: nothing depends on it."""
-    shapes = [shape.tag for geometry in element.findall("geometry") for shape in geometry]
+    shapes = [shape.tag for geometry in element.all("geometry") for shape in geometry.children]
     if not set(shapes) & set(SHAPES):
         return f"holds {' and '.join(shapes) or 'no shape'}: only {', '.join(SHAPES)} can be shown"
     children: dict[str, Rule] = {
@@ -180,9 +181,9 @@ def visual(element: Element) -> Tag | str:
 
 
 @cache
-def joint_of(kind: str) -> Tag:
+def joint_tag(kind: str) -> Tag:
     """The tag of a joint, by its type: what does not move has no axis and no limit."""
-    joint = JOINT_TYPES.get(kind, JOINT_TYPES["revolute"])
+    joint = JOINT_TYPES[kind]
     unbounded = f"a {kind} joint has no bounds"
     bounds: dict[str, Value | str] = {"lower": LIMIT, "upper": LIMIT} if joint.bounded else {"lower": unbounded, "upper": unbounded}
     children: dict[str, Rule] = {
@@ -206,7 +207,8 @@ def joint_of(kind: str) -> Tag:
 
 
 def joint(element: Element) -> Tag:
-    return joint_of(element.get("type", "") if element.get("type") in JOINT_TYPES else "revolute")
+    """Of a joint whose type is wrong, everything else can still be checked."""
+    return joint_tag(element.get("type") if element.get("type") in JOINT_TYPES else "revolute")
 
 
 ROBOT = Tag(
@@ -239,15 +241,15 @@ ROBOT = Tag(
 # --- names that nobody knows ------------------------------------------------------------------------------------------
 
 
-def similar(name: str, names: Mapping[str, object] | tuple[str, ...]) -> str:
+def similar(name: str, names: Collection[str], cutoff: float = 0.6) -> str:
     """`did you mean 'axis'?`, or nothing."""
-    close = get_close_matches(name, list(names), n=1, cutoff=0.8) or [n for n in names if n.lower() == name.lower()]
+    close = [n for n in names if n.lower() == name.lower()] or get_close_matches(name, list(names), n=1, cutoff=cutoff)
     return f"did you mean {quoted(close[0])}?" if close else ""
 
 
-def unknown(name: str, names: Mapping[str, object]) -> str:
+def unknown(name: str, names: Collection[str]) -> str:
     """Why a name that is not in the table is ignored; an alarm where it looks like a slip of the pen."""
     if name.split(":")[0] == "xmlns":
         return "namespaces mean nothing in URDF"
-    hint = similar(name, names)
+    hint = similar(name, names, cutoff=0.8)
     return Alarm(f"is no part of URDF: {hint}") if hint else "is no part of URDF"

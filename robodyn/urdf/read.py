@@ -7,7 +7,6 @@ from functools import partial
 from io import BytesIO
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
-from xml.etree import ElementTree
 
 from ..errors import InputError, RobodynWarning, UrdfError
 from ..model import Mechanism
@@ -41,6 +40,8 @@ def read(
     ModelError: a name in `locked` is no joint. InputError: an argument cannot be what it should be.
     What is ignored stands in the mechanism's `ledger`; a RobodynWarning tells of what is likely a mistake.
     """
+    if not isinstance(locked or {}, Mapping):
+        raise InputError(f"locked = {locked!r:.80}: give a dictionary, as in {{'elbow': 0.5}}")
     data, file, path = contents(source)
     ledger = Ledger(file)
     robot = values(check(parse(data, file), ledger))
@@ -58,27 +59,26 @@ def read(
 
 def contents(source: Source) -> tuple[bytes | str, str, str | None]:
     """What the source holds, its name for messages, and its path where it has one."""
-    if not isinstance(source, str | os.PathLike):
-        if not hasattr(source, "read"):
-            raise InputError(f"cannot read a robot from {source!r:.80}: give a path or an open file")
-        name = getattr(source, "name", None)
-        path = name if isinstance(name, str) else None
-        return source.read(), path or "<stream>", path
-    path = os.fspath(source)
-    if path.lstrip().startswith("<"):
-        raise InputError("robodyn reads files: wrap XML that is a string in io.StringIO")
+    if isinstance(source, str | os.PathLike):
+        path, content = os.fsdecode(source), lambda: Path(source).read_bytes()
+    elif hasattr(source, "read"):
+        path, content = getattr(source, "name", None), source.read
+    else:
+        raise InputError(f"cannot read a robot from {source!r:.80}: give a path or an open file")
+    path = path if isinstance(path, str) else None
+    if path and path.lstrip().startswith("<"):
+        raise InputError("a robot is read from a file: wrap XML that is a string in io.StringIO")
     try:
-        return Path(path).read_bytes(), path, path
+        return content(), path or "<stream>", path
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
-        raise UrdfError(f"{path}: cannot be read ({reason}): give the path of a URDF file") from error
+        raise UrdfError(f"{path or '<stream>'}: cannot be read ({reason}): give a URDF file") from error
 
 
 def values(robot: Element) -> "urdf.Robot":
     """The checked copy, read by yourdfpy. It never sees the file itself: it would guess at what is missing or broken."""
     from yourdfpy import URDF  # takes half a second to import
 
-    text = ElementTree.tostring(robot, encoding="utf-8")
-    result = URDF.load(BytesIO(text), build_scene_graph=False, load_meshes=False).robot
+    result = URDF.load(BytesIO(robot.xml().encode()), build_scene_graph=False, load_meshes=False).robot
     assert result is not None
     return result
