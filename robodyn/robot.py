@@ -27,7 +27,7 @@ def load(
     """
     from .urdf import read
 
-    return Robot.of(read(source, floating_base=floating_base, package_dirs=package_dirs, locked=dict(locked or {})))
+    return Robot.of(read(source, floating_base=floating_base, package_dirs=package_dirs, locked=locked))
 
 
 class Robot(Mechanism):

@@ -62,6 +62,12 @@ class Scene:
     def _equations(self) -> dict[tuple[str, bool], Equations]:
         return {}
 
+    @cached_property
+    def _dynamics(self) -> Equations:
+        """The float64 equations, once no body makes nonsense of them."""
+        self._refuse_impossible()
+        return self.equations()
+
     def equations(self, backend: str = "numpy", *, opened: bool = False) -> Equations:
         """The scene's equations in one arithmetic: links on fixed joints lumped, or `opened` at every joint to show its reaction."""
         key = (inputs.choice("backend", backend, BACKENDS), opened)
@@ -99,7 +105,7 @@ class Scene:
 
     def _forward(self, q: Array, v: Array, tau: Array, t: Array | float, formalism: str, backend: str) -> tuple[Applied, Array]:
         inputs.choice("formalism", formalism, FORMALISMS)
-        equations = self.equations(backend)
+        equations = self._dynamics if backend == "numpy" else self.equations(backend)
         with arithmetic(backend), np.errstate(all="ignore"):
             acts = equations.applied(t, q, v, tau)
             try:
@@ -109,6 +115,18 @@ class Scene:
                 raise ModelError(f"the equations of robot {self.robot.name!r} are singular at this state") from None
         self._check(solution, q)
         return acts, np.broadcast_to(solution.vdot, v.shape)
+
+    def _refuse_impossible(self) -> None:
+        """ModelError where a body has a negative moment of inertia: no matter moves so."""
+        for body in self.equations().tree.bodies:
+            moments = np.linalg.eigvalsh(body.inertia.about_own_centre)
+            # The sums and Steiner terms of a lumped body leave a few roundings of Θ about O.
+            if moments[0] < -64 * np.finfo(float).eps * np.trace(abs(body.inertia.tensor)):
+                name, values = self.robot.links[body.link].name, ", ".join(f"{m:.6g}" for m in moments)
+                raise ModelError(
+                    f"the body of link {name!r} has the principal moments of inertia {values}: no matter has a negative one. "
+                    "Correct its <inertial> and those of the links fixed to it"
+                )
 
     def _refuse_undetermined(self) -> None:
         """ModelError where a joint moves nothing that has mass: the motion is undetermined whatever the state."""

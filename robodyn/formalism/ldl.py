@@ -28,28 +28,29 @@ def couplings(tree: Tree) -> Couplings:
     return [sorted(m) for m in meets]
 
 
-def factorise(M: Array, meets: Couplings) -> tuple[list[dict[int, Array]], list[Array]]:
-    """L as one dictionary of its entries per row, and the pivots D, for M (..., n, n)."""
+def factorise(M: Array, meets: Couplings) -> tuple[list[dict[int, Array]], list[Array], dict[int, Array]]:
+    """L as one dictionary of its entries per row, the pivots D and their reciprocals, for M (..., n, n)."""
     n = M.shape[-1]
+    reciprocals: dict[int, Array] = {}
     rows = [{i: M[..., k, i] for i in (*meets[k], k)} for k in range(n)]
     for k in reversed(range(n)):
-        scale = 1.0 / rows[k][k]
-        L = {i: rows[k][i] * scale for i in meets[k]}
+        reciprocals[k] = 1.0 / rows[k][k]
+        L = {i: rows[k][i] * reciprocals[k] for i in meets[k]}
         for i in meets[k]:
             for j in (*(j for j in meets[k] if j < i), i):
                 rows[i][j] = rows[i][j] - L[i] * rows[k][j]
         rows[k].update(L)
-    return rows, [rows[k][k] for k in range(n)]
+    return rows, [rows[k][k] for k in range(n)], reciprocals
 
 
-def solve(rows: list[dict[int, Array]], pivots: list[Array], b: list[Array], meets: Couplings) -> list[Array]:
+def solve(rows: list[dict[int, Array]], reciprocals: dict[int, Array], b: list[Array], meets: Couplings) -> list[Array]:
     """x with Lᵀ D L x = b, one array (...) per coordinate."""
     x = list(b)
     for k in reversed(range(len(x))):
         for i in meets[k]:
             x[i] = x[i] - rows[k][i] * x[k]
     for k in range(len(x)):
-        x[k] = x[k] / pivots[k]
+        x[k] = x[k] * reciprocals[k]
         for i in meets[k]:
             x[k] = x[k] - rows[k][i] * x[i]
     return x

@@ -24,8 +24,8 @@ def nonrecursive(tree: Tree, q: Array, v: Array, tau: Array, wrenches: Wrenches,
     M = mass_matrix(tree, state, dtype_of(q, v, tau))
     k = tau - bias_forces(tree, state, wrenches, gravity)
     meets = ldl.couplings(tree)
-    rows, pivots = ldl.factorise(M, meets)
-    vdot = ldl.solve(rows, pivots, [k[..., i] for i in range(tree.nv)], meets)
+    rows, pivots, reciprocals = ldl.factorise(M, meets)
+    vdot = ldl.solve(rows, reciprocals, [k[..., i] for i in range(tree.nv)], meets)
     return Solution.stack(vdot, pivots, [M[..., i, i] for i in range(tree.nv)])
 
 

@@ -125,7 +125,7 @@ def numbers(element: Element | None, attribute: str, default: str) -> Array:
 
 
 def check_inertia(link: Element, ledger: Ledger) -> None:
-    """The tensor is positive semidefinite; moments that no matter can have, c > a + b, are reported and used."""
+    """Moments that no matter can have, a < 0 or c > a + b, are reported and used: the link may be part of a body that has sound ones."""
     inertia = link.first("inertial", "inertia")
     if inertia is None or not {"ixx", "iyy", "izz"} <= inertia.attributes.keys():
         return
@@ -139,7 +139,8 @@ def check_inertia(link: Element, ledger: Ledger) -> None:
 
     path, where = "link/inertial/inertia", f"{quoted(link.get('name'))} line {inertia.line}"
     if a < -rounding:
-        ledger.reject(inertia, f"has the principal moments {a:.6g}, {b:.6g}, {c:.6g}: none can be negative, correct the tensor")
+        reason = "used although no rigid body has it: it has a negative principal moment; a body that moves with one is refused"
+        ledger.honour(path, Alarm(reason), where)
     elif c - a - b > TRIANGLE * c + rounding:
         ledger.honour(path, Alarm("used although no rigid body has it: its largest principal moment exceeds the sum of the others"), where)
     if mass == 0 and c > 0:

@@ -21,10 +21,6 @@ if not FILES:
 # What cannot be read, and why.
 BROKEN = {
     "alex_description/urdf/alex_psyonic_hands.urdf": r"1037: <mimic> in <joint name='Left_index_q2'> follows joint='index_q1', which",
-    "romeo_description/urdf/romeo_laas_small.urdf": r"331: <inertia> in <link name='body'> has the principal moments -0\.021",
-    "tiago_description/robots/tiago.urdf": r"<inertia> in <link name='base_antenna_left_link'> has the principal moments -3\.5",
-    "tiago_description/robots/tiago_dual.urdf": r"<inertia> in <link name='base_antenna_left_link'> has the principal moments -3\.5",
-    "tiago_description/robots/tiago_no_hand.urdf": r"<inertia> in <link name='base_antenna_left_link'> has the principal moments -3\.5",
     "ur_description/urdf/ur3.urdf": r"6: <robot> has no link",
 }
 PACKAGE = "package://example-robot-data/robots/"
@@ -36,6 +32,21 @@ TOLERANCE = 1e-12  # relative to the largest number of the kind: Pinocchio goes 
 def test_what_is_broken_is_named(name):
     with pytest.raises(UrdfError, match=BROKEN[name]):
         read(ROBOTS / name)
+
+
+def test_a_negative_moment_warns_and_is_refused_only_where_it_moves():
+    """TIAGo's antennas have one but are lumped into its base; a body of Romeo's moves with one."""
+    import robodyn as rd
+
+    with pytest.warns(rd.RobodynWarning, match="negative principal moment"):
+        tiago = rd.load(ROBOTS / "tiago_description/robots/tiago.urdf")
+    assert np.isfinite(tiago.forward_dynamics(tiago.neutral(), np.zeros(tiago.nv))).all()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", rd.RobodynWarning)
+        romeo = rd.load(ROBOTS / "romeo_description/urdf/romeo_laas_small.urdf", floating_base=True)
+    assert np.isfinite(romeo.link_poses(romeo.neutral())).all()
+    with pytest.raises(rd.ModelError, match=r"body of link 'body' has the principal moments of inertia -0\.021"):
+        romeo.forward_dynamics(romeo.neutral(), np.zeros(romeo.nv))
 
 
 @pytest.mark.filterwarnings("ignore::robodyn.RobodynWarning")
