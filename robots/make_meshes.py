@@ -62,7 +62,8 @@ def revolve(profile, axis=Z, origin=(0.0, 0.0, 0.0)):
         faces.append(np.stack([low + here, high + there, high + here], axis=1))
 
     mesh = trimesh.Trimesh(vertices @ frame(axis).T + np.asarray(origin), np.vstack(faces), process=False)
-    assert mesh.is_watertight and mesh.volume > 0.0
+    assert mesh.is_watertight
+    assert mesh.volume > 0.0
     return mesh
 
 

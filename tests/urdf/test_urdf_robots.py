@@ -45,7 +45,7 @@ def test_a_negative_moment_warns_and_is_refused_only_where_it_moves():
         warnings.simplefilter("ignore", rd.RobodynWarning)
         romeo = rd.load(ROBOTS / "romeo_description/urdf/romeo_laas_small.urdf", floating_base=True)
     assert np.isfinite(romeo.link_poses(romeo.neutral())).all()
-    with pytest.raises(rd.ModelError, match=r"body of link 'body' has the principal moments of inertia -0\.021"):
+    with pytest.raises(rd.ModelError, match=r"body of link 'base_link' has the principal moments of inertia -0\.021"):
         romeo.forward_dynamics(romeo.neutral(), np.zeros(romeo.nv))
 
 
