@@ -1,6 +1,6 @@
 """Load a URDF, ask it a few questions, let it fall.
 
-    python examples/01_load_and_simulate.py
+python examples/01_load_and_simulate.py
 """
 
 from pathlib import Path

@@ -1,6 +1,6 @@
 """Simulate and write a page that shows the motion in any browser, with no server and no network: mail it.
 
-    python examples/03_html_export.py [FILE.html]
+python examples/03_html_export.py [FILE.html]
 """
 
 import sys
