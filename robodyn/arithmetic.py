@@ -6,6 +6,7 @@ have dtype object. These few functions are all that has to know the difference.
 """
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,14 @@ def mpmath():
     except ImportError as error:
         raise MissingPackageError("backend='mpmath' needs the package mpmath: pip install 'robodyn[mpmath]'") from error
     return module
+
+
+DIGITS = 50  # of backend="mpmath"
+
+
+def precision(backend: str) -> AbstractContextManager[object]:
+    """The working precision of a backend, for as long as it computes."""
+    return mpmath().workdps(DIGITS) if backend == "mpmath" else nullcontext()
 
 
 def _elementwise(name: str) -> Callable[[Any], Any]:

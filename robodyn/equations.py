@@ -11,18 +11,18 @@ from typing import NamedTuple
 import numpy as np
 
 from .algebra import dot, homogeneous
-from .arithmetic import Array, dtype_of, zeros
+from .arithmetic import Array, dtype_of, exact, precision, zeros
 from .formalism import energy, kinematics
 from .formalism.constraints import coordinate_forces
 from .formalism.ldl import couplings
 from .formalism.nonrecursive import bias_forces, mass_matrix, nonrecursive
-from .formalism.reactions import Reactions, joint_wrenches, reactions
+from .formalism.reactions import joint_wrenches, reactions
 from .formalism.recursive import recursive
 from .formalism.saddle import saddle_body, saddle_joint
 from .formalism.solution import Solution
 from .formalism.spatial import Pose, wrench_to_parent
 from .loads import Load, State
-from .model import Mechanism, Tree
+from .model import Mechanism, Tree, lump
 
 SWEEPS = {"nonrecursive": nonrecursive, "recursive": recursive}
 SADDLES = {"saddle_joint": saddle_joint, "saddle_body": saddle_body}
@@ -129,9 +129,11 @@ class Equations:
         """−k̂ᶜ − k̂ᵗ (..., nv): what inverse dynamics gives at η̇ = 0."""
         return bias_forces(self.tree, kinematics.motion(self.tree, q, v), wrenches, self.gravity)
 
-    def reactions(self, q: Array, v: Array, vdot: Array, acts: Applied, frame: str, part: str, joints: tuple[int, ...]) -> Reactions:
-        """Reactions of the joints with these indices; `self.tree` must be open at each."""
-        return reactions(self.mechanism, self.tree, q, v, vdot, acts.u, acts.wrenches, self.gravity, frame=frame, part=part, joints=joints)
+    def reactions(self, q: Array, v: Array, vdot: Array, acts: Applied, frame: str, part: str, joints: tuple[int, ...]) -> Array:
+        """Wrenches (..., n, 6) of the joints with these indices; `self.tree` must be open at each."""
+        state = kinematics.motion(self.tree, q, v)
+        total = joint_wrenches(self.tree, state, vdot, acts.wrenches, self.gravity)
+        return reactions(self.mechanism, self.tree, state, q, total, acts.u, frame=frame, part=part, joints=joints)
 
     # --- energies, places ---
 
@@ -157,3 +159,24 @@ class Equations:
         matrices = [homogeneous(*X) for X in links]
         shape = np.broadcast_shapes((*q.shape[:-1], 4, 4), *(T.shape for T in matrices))
         return np.stack([np.broadcast_to(T, shape) for T in matrices], axis=-3)
+
+
+class Views:
+    """A scene's equations in one arithmetic, made when first asked for."""
+
+    def __init__(self, robot: Mechanism, gravity: Array, loads: Sequence[Load], backend: str) -> None:
+        self._robot, self._gravity, self._loads, self._backend = robot, gravity, loads, backend
+
+    def _equations(self, *, opened: bool) -> Equations:
+        with precision(self._backend):
+            robot, gravity = (self._robot.exact(), exact(self._gravity)) if self._backend == "mpmath" else (self._robot, self._gravity)
+            tree = lump(robot, cut=range(len(robot.joints)) if opened else ())
+        return Equations(self._robot, tree, gravity, self._loads)
+
+    @cached_property
+    def lumped(self) -> Equations:
+        return self._equations(opened=False)
+
+    @cached_property
+    def opened(self) -> Equations:
+        return self._equations(opened=True)

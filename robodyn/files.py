@@ -7,7 +7,7 @@ from pathlib import Path
 from .errors import FileError
 
 
-def atomic_write(path: str | os.PathLike[str], data: str | bytes) -> None:
+def atomic_write(path: str | os.PathLike[str], data: str | bytes, *, mode: int = 0o666) -> None:
     """Write `data` (text as UTF-8) to `path`: readers see the old file or the whole new one, whatever happens in between.
 
     Raises FileError where the folder is missing or not writable, or the disk is full; the old file then still stands.
@@ -24,7 +24,7 @@ def atomic_write(path: str | os.PathLike[str], data: str | bytes) -> None:
             os.fsync(file.fileno())
         umask = os.umask(0)
         os.umask(umask)
-        os.chmod(temporary, 0o666 & ~umask)
+        os.chmod(temporary, mode & ~umask)
         os.replace(temporary, target)
     except OSError as error:
         raise FileError(f"cannot write {str(path)!r}: {error.strerror or error}. Choose a folder that exists and has room") from error

@@ -1,11 +1,12 @@
 """The door: every array of a user passes here, and leaves as float64 or mpmath numbers of the right shape, finite and admissible."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from .arithmetic import Array, exact
 from .errors import InputError
+from .model import Mechanism
 
 UNIT_TOLERANCE = 1e-6  # how far |quaternion|² may be from 1: room for files in single precision, none for a slip
 
@@ -44,6 +45,34 @@ def vector3(name: str, value: object) -> Array:
     return x
 
 
+def size(robot: Mechanism, name: str) -> int:
+    """Length of the array that goes by a name: q, u, or v, a, tau."""
+    return {"q": robot.nq, "u": robot.nu}.get(name, robot.nv)
+
+
+def checked(robot: Mechanism, arrays: Mapping[str, object], *, objects: bool = False) -> dict[str, Array]:
+    """The arrays of a question, finite and with the same leading dimensions; None becomes zeros."""
+    q_labels, v_labels = ([name for name, _ in table] for table in robot.coordinate_names())
+    found = {}
+    for name, value in arrays.items():
+        n, meaning = size(robot, name), {"q": "nq", "u": "nu"}.get(name, "nv")
+        labels = {"q": q_labels, "u": ()}.get(name, v_labels)
+        found[name] = array(name, np.zeros(n) if value is None else value, n, f"{meaning} of {robot.name!r}", labels, objects=objects)
+    batch = broadcast(**found)
+    return {name: np.broadcast_to(x, (*batch, x.shape[-1])) for name, x in found.items()}
+
+
+def quick(robot: Mechanism, arrays: Mapping[str, object]) -> tuple[tuple[int, ...], dict[str, Array]]:
+    """The leading dimensions and the arrays of a question, checked but for their values: the kernel looks at those."""
+    found = {}
+    for name, value in arrays.items():
+        x = np.zeros(size(robot, name)) if value is None else np.asarray(value)
+        if x.dtype.kind not in "fiu" or x.shape[-1:] != (size(robot, name),):
+            checked(robot, arrays)  # says what is wrong
+        found[name] = x
+    return broadcast(**found), found
+
+
 def broadcast(**arrays: Array) -> tuple[int, ...]:
     """The common leading dimensions of the arrays."""
     try:
@@ -65,6 +94,6 @@ def unit_quaternions(conditions: Sequence[tuple[str, Array]]) -> None:
             raise InputError(f"{where}the quaternion (w, x, y, z) of joint {joint!r} has the length {length:.9g}: normalise it to 1")
 
 
-def as_exact(*arrays: Array) -> list[Array]:
+def as_exact(x: Array) -> Array:
     """The same numbers for mpmath: floats bit for bit, mpmath numbers as they are."""
-    return [x if x.dtype == object else exact(x) for x in arrays]
+    return x if x.dtype == object else exact(x)

@@ -22,8 +22,26 @@ class Case:
     a: np.ndarray
     seed: int
 
+    @property
+    def reference(self) -> "Reference":
+        """The robot, answering by the readable reference: compiling kernels for every tree would take minutes."""
+        return Reference(self.robot)
+
     def __repr__(self) -> str:
         return f"Case(seed={self.seed}, {self.robot!r})"
+
+
+class Reference:
+    """A robot whose methods run on NumPy unless told otherwise; all else is the robot's."""
+
+    def __init__(self, robot: rd.Robot) -> None:
+        self._robot = robot
+
+    def __getattr__(self, name: str):
+        found = getattr(self._robot, name)
+        if name.endswith(("_dynamics", "_forces", "_matrix", "_energy", "_poses")) or name in ("reactions", "momentum"):
+            return lambda *arrays, backend="numpy", **options: found(*arrays, backend=backend, **options)
+        return found
 
 
 def case(seed: int, *, n: int | None = None, **options) -> Case:
@@ -47,7 +65,7 @@ def error(x, reference) -> float:
 
 def condition(robot: rd.Robot, q: np.ndarray) -> float:
     """κ of the mass matrix, which carries errors of forces into accelerations."""
-    return float(np.linalg.cond(robot.mass_matrix(q))) if robot.nv else 1.0
+    return float(np.linalg.cond(robot.mass_matrix(q, backend="numpy"))) if robot.nv else 1.0
 
 
 def derivative(function, x, direction):

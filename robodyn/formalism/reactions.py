@@ -13,7 +13,7 @@ from ..algebra import joined, mul
 from ..arithmetic import Array
 from ..errors import ModelError
 from ..model import Mechanism, Tree
-from .kinematics import Motion, accelerations, falling_ground, joint_position, motion, world_poses
+from .kinematics import Motion, accelerations, falling_ground, joint_position, world_poses
 from .newton_euler import Wrenches, resultants
 from .spatial import angular, linear, wrench_to_parent
 
@@ -63,22 +63,21 @@ def joint_wrenches(tree: Tree, state: Motion, vdot: Array, wrenches: Wrenches, g
 def reactions(
     mechanism: Mechanism,
     tree: Tree,
+    state: Motion,
     q: Array,
-    v: Array,
-    vdot: Array,
+    total: list[Array],
     u: Array,
-    wrenches: Wrenches,
-    gravity: Array,
     *,
     frame: str,
     part: str,
     joints: tuple[int, ...],
-) -> Reactions:
-    """Reactions of the joints with these indices; `tree` is open at every one of them. u (..., nu): the joints' own forces."""
-    state = motion(tree, q, v)
-    total = joint_wrenches(tree, state, vdot, wrenches, gravity)
+) -> Array:
+    """The wrenches (..., n, 6) of the joints with these indices, from the whole wrench through every joint.
+
+    `tree` is open at every one of them. u (..., nu): the joints' own forces.
+    """
     world = world_poses(tree, state.pose) if frame == "world" else []
-    found = []
+    found = [np.zeros((0, 6))]
     for link in joints:
         i = tree.link_body[link]
         body, f = tree.bodies[i], total[i]
@@ -91,10 +90,9 @@ def reactions(
             parent = mechanism.joints[link].parent
             askew = tree.link_rotation[parent].T if parent >= 0 else np.eye(3)
             f = turned(askew @ state.pose[i].R, f)
-        found.append(f)
-    names = tuple(mechanism.joints[link].name for link in joints)
-    shape = np.broadcast_shapes(*(f.shape for f in found)) if found else (6,)
-    return Reactions(names, np.stack([np.broadcast_to(f, shape) for f in found], axis=-2) if found else np.zeros((0, 6)), frame, part)
+        found.append(f[..., None, :])
+    batch = np.broadcast_shapes(*(f.shape[:-2] for f in found))
+    return np.concatenate([np.broadcast_to(f, batch + f.shape[-2:]) for f in found], axis=-2)
 
 
 def turned(R: Array, f: Array) -> Array:

@@ -144,6 +144,5 @@ class ArticulatedInertia(NamedTuple):
 
 def coordinate_axis(s: Array) -> int | None:
     """The entry that alone is not zero in a constant s (6,); None where there are several, or s varies."""
-    if s.ndim != 1 or np.count_nonzero(s) != 1:
-        return None
-    return int(np.flatnonzero(s)[0])
+    rows = [i for i, x in enumerate(s) if x != 0] if s.ndim == 1 else []
+    return rows[0] if len(rows) == 1 else None

@@ -1,6 +1,7 @@
 """Integrators, `simulate` and `Trajectory`."""
 
-from .run import METHODS, simulate
+from .methods import METHODS
+from .run import simulate
 from .trajectory import Energy, Trajectory
 
 __all__ = ["METHODS", "Energy", "Trajectory", "simulate"]

@@ -2,23 +2,28 @@
 
 import time
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from typing import Any
 
 import numpy as np
 
 from .. import inputs
 from ..arithmetic import Array
+from ..engine.integrate import DONE, NOT_FINITE, STEP_TOO_SMALL
+from ..equations import FORMALISMS, SADDLES
 from ..errors import InputError, ModelError, RobodynWarning, SimulationError
+from ..evaluate import BACKENDS, DEFAULT
 from ..model import Mechanism
+from ..questions import Evolution, Result
 from ..scene import Scene
-from .dop853 import dop853
-from .rk4 import rk4
+from . import native
+from .methods import METHODS
+from .scipy_steps import too_small
 from .trajectory import Trajectory
 
-METHODS = {"dop853": dop853, "rk4": rk4}
-
 Progress = Callable[[float], None]  # called with the simulated share of the time span, 0…1
+Found = list[tuple[float, Array]]  # times and states
 
 
 def simulate(
@@ -35,22 +40,25 @@ def simulate(
     fps: float | None = 60.0,
     times: Sequence[float] | Array | None = None,
     formalism: str = "auto",
+    backend: str = DEFAULT,
     progress: bool | Progress = False,
 ) -> Trajectory:
     """Integrate a scene from t0 to t_end [s].
 
     scene: a Scene, or a robot for the scene that its file declares. q0 (nq,), v0 (nv,): initial state; neutral and at rest if not given.
-    method: "dop853" (adaptive, order 8: error per step within atol + rtol |x|; atol = rtol if not given) or "rk4" (equal steps of at
-    most dt [s]). Results at fps frames per second, or at `times` (n,) [s] within [t0, t_end], or with fps=None at every step; t_end is
-    always the last. progress: True for a bar on the terminal, or a function of the share done.
+    method: adaptive "dop853" (order 8), "rk45" (order 5), and for stiff scenes "radau", "bdf", "lsoda" (SciPy's): error per step within
+    atol + rtol |x|, atol = rtol if not given; or equal steps of at most dt [s]: "rk4", "semi_implicit_euler". Results at fps frames per
+    second, or at `times` (n,) [s] within [t0, t_end], or with fps=None at every step; t_end is always the last.
+    backend: "native" (the step loop is compiled) or "numpy". progress: True for a bar on the terminal, or a function of the share done.
 
     Ctrl-C returns what has been computed, with a warning; `trajectory.completed` is then False.
     Raises InputError for bad arguments; SimulationError where the integration cannot go on, with what has been computed as its
-    attribute `trajectory`; ModelError where the motion is undetermined.
+    attribute `trajectory`; ModelError where the motion is undetermined from the start.
     """
     scene = scene if isinstance(scene, Scene) else Scene(scene)
     inputs.choice("method", method, tuple(METHODS))
-    inputs.choice("formalism", formalism, ("auto", "recursive", "nonrecursive", "saddle_joint", "saddle_body"))
+    inputs.choice("formalism", formalism, FORMALISMS)
+    inputs.choice("backend", backend, BACKENDS[:2])
     t0, t_end, rtol, dt = (_number(k, x) for k, x in (("t0", t0), ("t_end", t_end), ("rtol", rtol), ("dt", dt)))
     atol = rtol if atol is None else _number("atol", atol)
     if not t_end > t0:
@@ -59,73 +67,149 @@ def simulate(
         raise InputError(f"rtol={rtol:g}, atol={atol:g} and dt={dt:g} must be positive, rtol at least 1e-13: float64 resolves no more")
     wanted = _output_times(t0, t_end, fps, times)
 
-    # The initial state, checked once; every evaluation after it skips the door.
-    q, v = scene._door("numpy", q=scene.robot.neutral() if q0 is None else q0, v=v0)
-    if q.ndim != 1:
-        raise InputError(f"q0 and v0 have the leading dimensions {q.shape[:-1]}: give one state, (nq,) and (nv,)")
-    nq, nv = scene.robot.nq, scene.robot.nv
-    equations, tau = scene.equations(), np.zeros(nv)
-    evaluations = 0
+    # The initial state, and whether it can move at all.
+    state = inputs.checked(scene.robot, {"q": scene.robot.neutral() if q0 is None else q0, "v": v0})
+    if state["q"].ndim != 1:
+        raise InputError(f"q0 and v0 have the leading dimensions {state['q'].shape[:-1]}: give one state, (nq,) and (nv,)")
+    scene.evaluator.ask(Result(formalism), "numpy", t=t0, q=state["q"], v=state["v"], tau=None)
+    x0 = np.concatenate([scene.equations().project(state["q"]), state["v"], [0.0]])
 
-    def rhs(t: float, x: Array) -> Array:
-        nonlocal evaluations
-        evaluations += 1
-        q, v = x[:nq], x[nq : nq + nv]
-        acts, vdot = scene._forward(q, v, tau, t, formalism, "numpy")
-        return np.concatenate([equations.rate(q, v), vdot, [acts.power]])
-
-    def project(x: Array) -> Array:
-        return np.concatenate([equations.project(x[:nq]), x[nq:]])
-
-    # The steps, with what lies at the wanted times.
-    x0 = np.concatenate([equations.project(q), v, [0.0]])
-    found = [(t0, x0)] if wanted is None or wanted[0] == t0 else []
-    steps, reached, failure = 0, t0, None
-    started = time.perf_counter()
+    integration = _Integration(scene, t0, t_end, x0, method, formalism, {"rtol": rtol, "atol": atol, "dt": dt})
+    in_native_code = backend == "native" and METHODS[method].tableau is not None and formalism not in SADDLES
+    started, failure = time.perf_counter(), None
     with _reporter(progress) as report:
         try:
-            for step in METHODS[method](rhs, t0, x0, t_end, project, rtol=rtol, atol=atol, dt=dt):
-                steps, reached = steps + 1, step.t
-                if wanted is None:
-                    found.append((step.t, step.x))
-                else:
-                    inside = wanted[(wanted > step.t_old) & (wanted <= step.t)]
-                    for t, x in zip(inside, step.between(inside) if (inside < step.t).any() else [], strict=False):
-                        if t < step.t:
-                            found.append((float(t), project(x)))
-                    if len(inside) and inside[-1] == step.t:
-                        found.append((step.t, step.x))
-                report((step.t - t0) / (t_end - t0))
+            (integration.run_natively if in_native_code else integration.run_in_python)(wanted, backend, report)
         except KeyboardInterrupt:
-            warnings.warn(f"interrupted at t={reached:.6g} s of {t_end:g} s: the trajectory ends there", RobodynWarning, stacklevel=2)
-        except (SimulationError, ModelError) as error:
+            reached = f"t={integration.reached:.6g} s of {t_end:g} s"
+            warnings.warn(f"interrupted at {reached}: the trajectory ends there", RobodynWarning, stacklevel=2)
+        except SimulationError as error:
             failure = error
+        except ModelError as error:
+            failure = SimulationError(f"at t={integration.reached:.9g} s: {error}")
 
     stats = {
         "method": method,
         "formalism": formalism,
-        **({"rtol": rtol, "atol": atol} if method == "dop853" else {"dt": dt}),
-        "steps": steps,
-        "evaluations": evaluations,
+        "backend": backend,
+        **({"rtol": rtol, "atol": atol} if METHODS[method].adaptive else {"dt": dt}),
+        **integration.counts,
         "wall_time": time.perf_counter() - started,
-        "completed": reached == t_end,
+        "completed": integration.reached == t_end,
     }
-    trajectory = _finished(scene, found, formalism, stats)
+    trajectory = _finished(scene, integration.found, formalism, backend, stats)
     if failure is not None:
-        error = failure if isinstance(failure, SimulationError) else SimulationError(f"at t={reached:.9g} s: {failure}")
-        error.trajectory = trajectory  # type: ignore[assignment]
-        raise error from failure.__cause__
+        failure.trajectory = trajectory  # type: ignore[assignment]
+        raise failure
     return trajectory
 
 
-def _finished(scene: Scene, found: list[tuple[float, Array]], formalism: str, stats: dict) -> Trajectory:
+class _Integration:
+    """An integration under way: what was found, and how far it got."""
+
+    def __init__(self, scene: Scene, t0: float, t_end: float, x0: Array, method: str, formalism: str, settings: dict[str, float]) -> None:
+        self.scene, self.t0, self.t_end, self.x0 = scene, t0, t_end, x0
+        self.method, self.formalism, self.settings = method, formalism, settings
+        self.found: Found = []
+        self.reached = t0
+        self.counts = {"steps": 0, "rejected": 0, "evaluations": 0}
+
+    def rhs(self, t: float, x: Array, backend: str) -> Array:
+        """ẋ (nx,)."""
+        self.counts["evaluations"] += 1
+        nq, nv = self.scene.robot.nq, self.scene.robot.nv
+        got = self.scene.evaluator.ask(Evolution(self.formalism), backend, t=t, q=x[:nq], v=x[nq : nq + nv], tau=None)
+        return np.concatenate([got["qdot"], got["vdot"], got["power"].reshape(1)])
+
+    def project(self, x: Array) -> Array:
+        """x with its Euler parameters at unit length."""
+        nq = self.scene.robot.nq
+        return np.concatenate([self.scene.equations().project(x[:nq]), x[nq:]])
+
+    def run_in_python(self, wanted: Array | None, backend: str, report: Progress) -> None:
+        """Steps in Python, on a right-hand side of either backend."""
+        if wanted is None or wanted[0] == self.t0:
+            self.found.append((self.t0, self.x0))
+
+        def f(t: float, x: Array) -> Array:
+            dx = self.rhs(t, x, backend)
+            if METHODS[self.method].semi_implicit:
+                nq, nv = self.scene.robot.nq, self.scene.robot.nv
+                v_new = x[nq : nq + nv] + h * dx[nq : nq + nv]
+                dx[:nq] = self.scene.equations().rate(x[:nq], v_new)
+            return dx
+
+        h = (self.t_end - self.t0) / native.step_count(self.t0, self.t_end, self.settings["dt"])
+        for step in METHODS[self.method].steps(f, self.t0, self.x0, self.t_end, self.project, **self.settings):
+            self.counts["steps"] += 1
+            if wanted is None:
+                self.found.append((step.t, step.x))
+            else:
+                inside = wanted[(wanted > step.t_old) & (wanted < step.t)]
+                if len(inside):
+                    self.found += [(float(t), self.project(x)) for t, x in zip(inside, step.between(inside), strict=True)]
+                if step.t in wanted:
+                    self.found.append((step.t, step.x))
+            self.reached = step.t
+            report((step.t - self.t0) / (self.t_end - self.t0))
+
+    def run_natively(self, wanted: Array | None, backend: str, report: Progress) -> None:
+        """Steps in native code, a slice of time between two looks at the keyboard."""
+        advance = native.compiled(self.scene.evaluator, self.method, self.formalism, lanes=1)
+        settings = self.settings | {"first_step": self._first_step(advance, backend) if advance.adaptive else 0.0}
+        times = np.zeros(0) if wanted is None else wanted
+        run = native.Run(advance, self.x0[:, None], self.t0, self.t_end, times, settings)
+        if wanted is None:
+            self.found.append((self.t0, self.x0))
+        evaluations = self.counts["evaluations"]
+        try:
+            status = None
+            while status != DONE:
+                before = run.t
+                status = run.step() if wanted is None else run.slice()
+                if wanted is None and run.t > before:
+                    self.found.append((run.t, run.x[:, 0].copy()))
+                self.reached = run.t
+                report((run.t - self.t0) / (self.t_end - self.t0))
+                if status == STEP_TOO_SMALL:
+                    raise SimulationError(too_small(run.t))
+                if status == NOT_FINITE:
+                    self._name_the_cause(run)
+        finally:
+            self.counts = run.counts
+            self.counts["evaluations"] += evaluations
+            if wanted is not None:
+                self.found = [(float(t), x[:, 0].copy()) for t, x in zip(wanted, run.results, strict=False)]
+
+    def _name_the_cause(self, run: native.Run) -> None:
+        """SimulationError, with the joint where the NumPy formalism can name it."""
+        self.rhs(run.t, run.x[:, 0], "numpy")
+        raise SimulationError(
+            f"after t={run.t:.9g} s the state stopped being finite, or a joint showed no inertia within the next step: "
+            "reduce dt, or look for loads that grow without bound"
+        )
+
+    def _first_step(self, advance: native.Advance, backend: str) -> float:
+        """Hairer, Nørsett, Wanner, Solving ODEs I, section II.4: a step that a crude Euler step finds safe."""
+        rtol, atol, span = self.settings["rtol"], self.settings["atol"], self.t_end - self.t0
+        order = METHODS[self.method].tableau().order  # type: ignore[misc]
+        x, scale = self.x0, atol + abs(self.x0) * rtol
+        f0 = self.rhs(self.t0, x, backend)
+        d0, d1 = (np.sqrt(np.mean((y / scale) ** 2)) for y in (x, f0))
+        h0 = min(1e-6 if d0 < 1e-5 or d1 < 1e-5 else 0.01 * d0 / d1, span)
+        d2 = np.sqrt(np.mean(((self.rhs(self.t0 + h0, self.project(x + h0 * f0), backend) - f0) / scale) ** 2)) / h0
+        h1 = max(1e-6, h0 * 1e-3) if max(d1, d2) <= 1e-15 else (0.01 / max(d1, d2)) ** (1 / (order + 1))
+        return min(100 * h0, h1, span)
+
+
+def _finished(scene: Scene, found: Found, formalism: str, backend: str, stats: dict[str, Any]) -> Trajectory:
     """The trajectory of the times and states found, with accelerations and joint forces evaluated at them."""
     nq, nv = scene.robot.nq, scene.robot.nv
     t = np.array([t for t, _ in found])
     x = np.array([x for _, x in found]).reshape(-1, nq + nv + 1)
     q, v, work = x[:, :nq], x[:, nq : nq + nv], x[:, nq + nv]
-    acts, a = scene._forward(q, v, np.zeros_like(v), t, formalism, "numpy")
-    return Trajectory(scene=scene, t=t, q=q, v=v, a=np.array(a), u=np.array(acts.u), work=work, stats=stats)
+    got = scene.evaluator.ask(Result(formalism), backend, t=t, q=q, v=v, tau=None)
+    return Trajectory(scene=scene, t=t, q=q, v=v, a=got["vdot"], u=got["u"], work=work, stats=stats)
 
 
 def _number(name: str, value: object) -> float:
@@ -154,7 +238,7 @@ def _output_times(t0: float, t_end: float, fps: float | None, times: Sequence[fl
 
 
 @contextmanager
-def _reporter(progress: bool | Progress):
+def _reporter(progress: bool | Progress) -> Iterator[Progress]:
     """A function that is told the share done; a bar on standard error for True."""
     if not isinstance(progress, bool):
         yield progress

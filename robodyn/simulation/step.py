@@ -1,7 +1,9 @@
-"""What every integrator yields: one accepted step at a time, with the states in between on demand."""
+"""What every integrator in Python yields: one accepted step at a time, with the states in between on demand."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+
+import numpy as np
 
 from ..arithmetic import Array
 
@@ -17,3 +19,27 @@ class Step:
     t: float
     x: Array  # (nx,)
     between: Callable[[Array], Array]  # times (k,) within the step → states (k, nx)
+
+
+def step_count(t0: float, t_end: float, dt: float) -> int:
+    """How many equal steps of at most dt the time span takes; a span that dt divides up to rounding takes no extra one."""
+    return max(1, int(np.ceil((t_end - t0) / dt * (1 - 1e-12))))
+
+
+def equal_steps(t0: float, t_end: float, dt: float) -> Iterator[tuple[float, float, float]]:
+    """Start, end and length of each step; the last one ends at t_end."""
+    n = step_count(t0, t_end, dt)
+    h = (t_end - t0) / n
+    for i in range(n):
+        yield t0 + i * h, t0 + (i + 1) * h if i + 1 < n else t_end, h
+
+
+def hermite(t: float, h: float, x: Array, x_new: Array, f: Array, f_new: Array) -> Callable[[Array], Array]:
+    """The cubic through both states with both derivatives."""
+
+    def between(times: Array) -> Array:
+        s = ((np.asarray(times) - t) / h)[:, None]
+        value = (1 + 2 * s) * (1 - s) ** 2 * x + s**2 * (3 - 2 * s) * x_new
+        return value + h * s * (1 - s) * ((1 - s) * f - s * f_new)
+
+    return between

@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ..arithmetic import Array
-from ..equations import Applied
 from ..errors import FileError, InputError, MissingPackageError, RobodynWarning
 from ..files import atomic_write
 from ..formalism.reactions import Reactions
 from ..loads import ControlLaw
+from ..questions import Energies
 from ..scene import Scene
 
 if TYPE_CHECKING:
@@ -62,20 +62,16 @@ class Trajectory:
 
     def reactions(self, *, frame: str = "child", part: str = "constraint", joints: Iterable[str] | None = None) -> Reactions:
         """The wrench (T, 6) of every joint over time; see `Scene.reactions` for frames and parts."""
-        scene = self.scene
-        wrenches = scene.equations().applied(self.t, self.q, self.v, np.zeros_like(self.v)).wrenches if scene.loads else {}
-        acts = Applied(self.u, np.zeros(0), wrenches, np.zeros(0))
-        return scene._reactions(self.q, self.v, self.a, acts, frame, part, joints, "numpy")
+        return self.scene.reactions_of(self.q, self.v, self.a, self.u, t=self.t, frame=frame, part=part, joints=joints)
 
     def energy(self) -> Energy:
         """Kinetic and potential energy, the work of the loads, and their balance."""
-        equations = self.scene.equations()
-        kinetic, potential = equations.kinetic(self.q, self.v), equations.potential(self.t, self.q, self.v)
-        return Energy(*np.broadcast_arrays(kinetic, potential, self.work, kinetic + potential - self.work))
+        got = self.scene.evaluator.ask(Energies(), t=self.t, q=self.q, v=self.v)
+        return Energy(got["kinetic"], got["potential"], self.work, got["kinetic"] + got["potential"] - self.work)
 
     def link_poses(self) -> Array:
         """The pose (T, nlinks, 4, 4) of every link in the ground's frame."""
-        return self.scene.equations().link_poses(self.q)
+        return self.scene.link_poses(self.q)
 
     # --- files ---
 

@@ -28,7 +28,7 @@ C = 50  # roundings along a path of up to 8 bodies, each a product of 3 × 3 mat
 @ALL
 def test_four_routes_agree(seed):
     c = case(seed)
-    found = {route: c.robot.forward_dynamics(c.q, c.v, c.tau, formalism=route) for route in ROUTES}
+    found = {route: c.reference.forward_dynamics(c.q, c.v, c.tau, formalism=route) for route in ROUTES}
     tolerance = C * condition(c.robot, c.q) * EPS
     for route in ROUTES[1:]:
         assert error(found[route], found["recursive"]) < tolerance, route
@@ -54,8 +54,8 @@ def test_constraint_wrenches_do_no_work(seed):
     scene = rd.Scene(c.robot)
     tree = scene.equations(opened=True).tree
     state = motion(tree, c.q, c.v)
-    f_p = c.robot.reactions(c.q, c.v, c.tau).array.reshape(-1)
-    total = c.robot.reactions(c.q, c.v, c.tau, part="total").array
+    f_p = c.reference.reactions(c.q, c.v, c.tau).array.reshape(-1)
+    total = c.reference.reactions(c.q, c.v, c.tau, part="total").array
     C_, B, J = (f(tree, state, np.dtype(float)) for f in (constraints.C_matrix, constraints.B_matrix, constraints.J_matrix))
     tolerance = C * condition(c.robot, c.q) * EPS * abs(total).max()
     assert abs(C_.T @ f_p).max() < tolerance
@@ -70,7 +70,7 @@ def test_reactions_are_the_multipliers_of_the_saddle_point(seed):
     c = case(seed)
     scene = rd.Scene(c.robot)
     tree, u = scene.equations(opened=True).tree, scene.equations().applied(0.0, c.q, c.v, c.tau).u
-    f_p = c.robot.reactions(c.q, c.v, c.tau).array.reshape(-1)
+    f_p = c.reference.reactions(c.q, c.v, c.tau).array.reshape(-1)
     tolerance = C * condition(c.robot, c.q) * EPS
     a, multipliers, _ = saddle_joint(tree, c.q, c.v, u, {}, np.array(scene.gravity))
     assert error(f_p, multipliers) < tolerance
@@ -83,18 +83,18 @@ def test_reactions_are_the_multipliers_of_the_saddle_point(seed):
 @ALL
 def test_forward_after_inverse_is_the_identity(seed):
     c = case(seed)
-    tau = c.robot.inverse_dynamics(c.q, c.v, c.a)
+    tau = c.reference.inverse_dynamics(c.q, c.v, c.a)
     for route in ROUTES:
         # Errors of tau, relative to tau, pass through M̂⁻¹.
-        M = c.robot.mass_matrix(c.q)
+        M = c.reference.mass_matrix(c.q)
         bound = C * EPS * (np.linalg.norm(np.linalg.inv(M), 2) * np.linalg.norm(tau) + condition(c.robot, c.q) * np.linalg.norm(c.a))
-        assert np.linalg.norm(c.robot.forward_dynamics(c.q, c.v, tau, formalism=route) - c.a) < bound, route
+        assert np.linalg.norm(c.reference.forward_dynamics(c.q, c.v, tau, formalism=route) - c.a) < bound, route
 
 
 @ALL
 def test_mass_matrix_is_symmetric_positive_definite_and_J_M_J(seed):
     c = case(seed)
-    M = c.robot.mass_matrix(c.q)
+    M = c.reference.mass_matrix(c.q)
     assert error(M, M.T) < C * EPS
     assert np.linalg.eigvalsh(M).min() > 0
 
@@ -104,10 +104,10 @@ def test_mass_matrix_is_symmetric_positive_definite_and_J_M_J(seed):
     tree = rd.Scene(c.robot).equations().tree
     s = Saddle(tree, c.q, c.v, np.zeros(tree.nu), {}, np.zeros(3))
     assert error(s.J.T @ s.M @ s.J, M) < C * EPS
-    bias = c.robot.bias_forces(c.q, c.v)
-    columns = c.robot.inverse_dynamics(c.q, c.v, np.eye(c.robot.nv)) - bias
+    bias = c.reference.bias_forces(c.q, c.v)
+    columns = c.reference.inverse_dynamics(c.q, c.v, np.eye(c.robot.nv)) - bias
     assert np.allclose(columns, M, rtol=0, atol=C * EPS * max(abs(bias).max(), abs(M).max()))
-    assert np.isclose(c.robot.kinetic_energy(c.q, c.v), c.v @ M @ c.v / 2, rtol=C * EPS)
+    assert np.isclose(c.reference.kinetic_energy(c.q, c.v), c.v @ M @ c.v / 2, rtol=C * EPS)
 
 
 @ALL
@@ -116,11 +116,11 @@ def test_gravity_is_the_gradient_of_the_potential(seed):
     c = case(seed, n=4)
     q, zero = many_digits(c.q), np.zeros(c.robot.nv)
     gravity = (0.3, -1.7, -9.81)
-    g = c.robot.bias_forces(c.q, zero, gravity=gravity, backend="mpmath")
+    g = c.reference.bias_forces(c.q, zero, gravity=gravity, backend="mpmath")
     equations = rd.Scene(c.robot).equations()
     for k in range(c.robot.nv):
         direction = equations.rate(c.q, np.eye(c.robot.nv)[k])
-        slope = derivative(lambda x: c.robot.potential_energy(x, gravity=gravity, backend="mpmath"), q, many_digits(direction))
+        slope = derivative(lambda x: c.reference.potential_energy(x, gravity=gravity, backend="mpmath"), q, many_digits(direction))
         # The direction is a float64 array: its rounding is the only error left.
         assert abs(slope - g[k]) < C * EPS * max(1.0, float(abs(g).max()))
 
@@ -130,13 +130,13 @@ def test_power_is_the_rate_of_energy(seed, fifty_digits):
     """d/dt (T + V) = ηᵀ τ along the motion, by differences in 50 digits."""
     c = case(seed, n=5)
     q, v, tau = (many_digits(x) for x in (c.q, c.v, c.tau))
-    vdot = c.robot.forward_dynamics(q, v, tau, backend="mpmath", formalism=("recursive", "nonrecursive")[seed % 2])
+    vdot = c.reference.forward_dynamics(q, v, tau, backend="mpmath", formalism=("recursive", "nonrecursive")[seed % 2])
     with mpmath.workdps(50):
         qdot = rd.Scene(c.robot).equations("mpmath").rate(q, v)
 
     def energy(x):
         q, v = x[: c.robot.nq], x[c.robot.nq :]
-        return c.robot.kinetic_energy(q, v, backend="mpmath") + c.robot.potential_energy(q, backend="mpmath")
+        return c.reference.kinetic_energy(q, v, backend="mpmath") + c.reference.potential_energy(q, backend="mpmath")
 
     slope = derivative(energy, np.concatenate([q, v]), np.concatenate([qdot, vdot]))
     assert abs(slope - tau @ v) < 1e-25 * max(1, abs(tau @ v))
@@ -152,10 +152,10 @@ def test_Mdot_minus_2C_is_skew(seed, fifty_digits):
     q, v, n = many_digits(c.q), many_digits(c.v), c.robot.nv
 
     def bias(v):
-        return c.robot.bias_forces(q, v, gravity=(0.0, 0.0, 0.0), backend="mpmath")
+        return c.reference.bias_forces(q, v, gravity=(0.0, 0.0, 0.0), backend="mpmath")
 
     columns = [(bias(v + e) - bias(v) - bias(e)) / 2 for e in many_digits(np.eye(n))]
-    Mdot = derivative(lambda x: c.robot.mass_matrix(x, backend="mpmath"), q, v)
+    Mdot = derivative(lambda x: c.reference.mass_matrix(x, backend="mpmath"), q, v)
     N = Mdot - 2 * np.stack(columns, axis=-1)
     assert abs(N + N.T).max() < 1e-25 * max(1, abs(N).max())
     if seed == 0:
@@ -193,40 +193,40 @@ def test_momentum_changes_by_what_acts_from_outside(seed, fifty_digits):
     none = (0.0, 0.0, 0.0)
     if c.robot.joints[0].type.nv:
         tau[:6] = 0
-    vdot = c.robot.forward_dynamics(q, v, tau, gravity=none, backend="mpmath")
+    vdot = c.reference.forward_dynamics(q, v, tau, gravity=none, backend="mpmath")
     with mpmath.workdps(50):
         qdot = rd.Scene(c.robot).equations("mpmath").rate(q, v)
     h = derivative(
-        lambda x: c.robot.momentum(x[: c.robot.nq], x[c.robot.nq :], backend="mpmath"),
+        lambda x: c.reference.momentum(x[: c.robot.nq], x[c.robot.nq :], backend="mpmath"),
         np.concatenate([q, v]),
         np.concatenate([qdot, vdot]),
     )
     if c.robot.joints[0].type.nv:
         assert abs(h).max() < 1e-25
     else:
-        ground = c.robot.reactions(q, v, tau, gravity=none, backend="mpmath")["ground"]
+        ground = c.reference.reactions(q, v, tau, gravity=none, backend="mpmath")["ground"]
         assert error(h, ground) < 1e-25
 
 
 @ALL
 def test_float64_against_50_digits(seed):
     c = case(seed)
-    exact = c.robot.forward_dynamics(c.q, c.v, c.tau, backend="mpmath")
+    exact = c.reference.forward_dynamics(c.q, c.v, c.tau, backend="mpmath")
     tolerance = C * condition(c.robot, c.q) * EPS
     for route in ROUTES:
-        assert error(c.robot.forward_dynamics(c.q, c.v, c.tau, formalism=route), exact) < tolerance, route
-    assert error(c.robot.inverse_dynamics(c.q, c.v, c.a), c.robot.inverse_dynamics(c.q, c.v, c.a, backend="mpmath")) < C * EPS
-    assert error(c.robot.mass_matrix(c.q), c.robot.mass_matrix(c.q, backend="mpmath")) < C * EPS
-    assert error(c.robot.link_poses(c.q), c.robot.link_poses(c.q, backend="mpmath")) < C * EPS
-    exact = c.robot.reactions(c.q, c.v, c.tau, backend="mpmath").array
-    assert error(c.robot.reactions(c.q, c.v, c.tau).array, exact) < tolerance
+        assert error(c.reference.forward_dynamics(c.q, c.v, c.tau, formalism=route), exact) < tolerance, route
+    assert error(c.reference.inverse_dynamics(c.q, c.v, c.a), c.reference.inverse_dynamics(c.q, c.v, c.a, backend="mpmath")) < C * EPS
+    assert error(c.reference.mass_matrix(c.q), c.reference.mass_matrix(c.q, backend="mpmath")) < C * EPS
+    assert error(c.reference.link_poses(c.q), c.reference.link_poses(c.q, backend="mpmath")) < C * EPS
+    exact = c.reference.reactions(c.q, c.v, c.tau, backend="mpmath").array
+    assert error(c.reference.reactions(c.q, c.v, c.tau).array, exact) < tolerance
 
 
 @pytest.mark.parametrize("seed", range(8))
 def test_the_routes_are_the_same_in_50_digits(seed):
     """In 50 digits nothing is left of rounding: the four routes solve the same equations."""
     c = case(seed, n=3)
-    found = [c.robot.forward_dynamics(c.q, c.v, c.tau, backend="mpmath", formalism=route) for route in ROUTES]
+    found = [c.reference.forward_dynamics(c.q, c.v, c.tau, backend="mpmath", formalism=route) for route in ROUTES]
     assert max(error(x, found[0]) for x in found) < 1e-40
 
 
@@ -238,17 +238,17 @@ def test_batches_are_their_states(seed):
     q = np.stack([[c.robot.random_state(rng)[0] for _ in range(3)] for _ in range(2)])
     v, tau, a = (rng.normal(size=(2, 3, c.robot.nv)) for _ in range(3))
     for route in ROUTES:
-        batch = c.robot.forward_dynamics(q, v, tau, formalism=route)
+        batch = c.reference.forward_dynamics(q, v, tau, formalism=route)
         assert batch.shape == (2, 3, c.robot.nv)
         for i in np.ndindex(2, 3):
             tolerance = C * condition(c.robot, q[i]) * EPS
-            assert error(batch[i], c.robot.forward_dynamics(q[i], v[i], tau[i], formalism=route)) < tolerance
-    r = c.robot.reactions(q, v, tau, frame="world")
+            assert error(batch[i], c.reference.forward_dynamics(q[i], v[i], tau[i], formalism=route)) < tolerance
+    r = c.reference.reactions(q, v, tau, frame="world")
     assert r.array.shape == (2, 3, len(c.robot.joints), 6)
-    single = c.robot.reactions(q[1, 2], v[1, 2], tau[1, 2], frame="world")
+    single = c.reference.reactions(q[1, 2], v[1, 2], tau[1, 2], frame="world")
     assert error(r.array[1, 2], single.array) < C * condition(c.robot, q[1, 2]) * EPS
-    assert error(c.robot.mass_matrix(q)[1, 0], c.robot.mass_matrix(q[1, 0])) < C * EPS
-    assert error(c.robot.inverse_dynamics(q, v, a)[0, 2], c.robot.inverse_dynamics(q[0, 2], v[0, 2], a[0, 2])) < C * EPS
-    assert c.robot.link_poses(q).shape == (2, 3, len(c.robot.links), 4, 4)
-    assert c.robot.kinetic_energy(q, v).shape == c.robot.potential_energy(q).shape == (2, 3)
-    assert c.robot.momentum(q, v).shape == (2, 3, 6)
+    assert error(c.reference.mass_matrix(q)[1, 0], c.reference.mass_matrix(q[1, 0])) < C * EPS
+    assert error(c.reference.inverse_dynamics(q, v, a)[0, 2], c.reference.inverse_dynamics(q[0, 2], v[0, 2], a[0, 2])) < C * EPS
+    assert c.reference.link_poses(q).shape == (2, 3, len(c.robot.links), 4, 4)
+    assert c.reference.kinetic_energy(q, v).shape == c.reference.potential_energy(q).shape == (2, 3)
+    assert c.reference.momentum(q, v).shape == (2, 3, 6)

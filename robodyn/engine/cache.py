@@ -1,0 +1,116 @@
+"""Machine code that was compiled before, in the user's cache directory.
+
+An entry is found by a hash of everything that shapes it: the IR, LLVM's version, the CPU and its features, the options. It is loaded
+only from a folder that is the user's own, and only if its content is whole; everything else is compiled anew.
+"""
+
+import contextlib
+import hashlib
+import os
+from pathlib import Path
+
+from ..files import atomic_write
+
+VARIABLE = "ROBODYN_CACHE"  # "off", or another folder
+LIMIT = 256 * 2**20  # bytes; the entries used longest ago go first
+_MAGIC = b"robodyn object code 1\n"
+
+
+def folder() -> Path | None:
+    """Where entries live; None where the cache is off or cannot be trusted."""
+    setting = os.environ.get(VARIABLE, "")
+    if setting.lower() in ("off", "0", "no", "false"):
+        return None
+    if setting:
+        path = Path(setting)
+    else:
+        from platformdirs import user_cache_path
+
+        path = user_cache_path("robodyn", appauthor=False) / "kernels"
+    try:
+        path.mkdir(parents=True, exist_ok=True, mode=0o700)
+        status = path.stat()
+    except OSError:
+        return None
+    # Loading an entry runs it: nobody else may be able to put one there.
+    mine = not hasattr(os, "getuid") or (status.st_uid == os.getuid() and not status.st_mode & 0o022)
+    return path if mine else None
+
+
+def key(*parts: str) -> str:
+    """The name of an entry."""
+    digest = hashlib.sha256()
+    for part in parts:
+        digest.update(f"{len(part)}\n".encode() + part.encode())
+    return digest.hexdigest()
+
+
+def get(name: str) -> bytes | None:
+    """The entry's code; None where there is none, or it is damaged or foreign."""
+    if (path := folder()) is None:
+        return None
+    try:
+        data = (path / name).read_bytes()
+    except OSError:
+        return None
+    head, code = data[: len(_MAGIC) + 64], data[len(_MAGIC) + 64 :]
+    if head != _head(name, code):
+        return None
+    with contextlib.suppress(OSError):
+        os.utime(path / name)  # used now
+    return code
+
+
+def put(name: str, code: bytes) -> None:
+    """Keep an entry; a cache that cannot be written is none."""
+    from ..errors import FileError
+
+    if (path := folder()) is None:
+        return
+    with contextlib.suppress(FileError, OSError):
+        atomic_write(path / name, _head(name, code) + code, mode=0o600)
+        _shrink(path)
+
+
+def clear() -> tuple[int, int]:
+    """Remove every entry; returns their number and bytes."""
+    removed = [_remove(file) for file in _entries(folder())]
+    return sum(n > 0 for n in removed), sum(removed)
+
+
+def usage() -> tuple[int, int]:
+    """Number of entries and their bytes."""
+    sizes = [file.stat().st_size for file in _entries(folder())]
+    return len(sizes), sum(sizes)
+
+
+def _head(name: str, code: bytes) -> bytes:
+    return _MAGIC + hashlib.sha256(name.encode() + code).hexdigest().encode()
+
+
+def _entries(path: Path | None) -> list[Path]:
+    if path is None:
+        return []
+    return [file for file in path.iterdir() if len(file.name) == 64 and file.is_file()]
+
+
+def _shrink(path: Path) -> None:
+    files = []
+    for file in _entries(path):
+        with contextlib.suppress(OSError):  # another process may have removed it
+            files.append((file.stat().st_mtime, file.stat().st_size, file))
+    total = sum(size for _, size, _ in files)
+    for _, size, file in sorted(files)[:-1]:
+        if total <= LIMIT:
+            return
+        _remove(file)
+        total -= size
+
+
+def _remove(file: Path) -> int:
+    try:
+        size = file.stat().st_size
+        file.unlink()
+    except OSError:
+        return 0
+    return size

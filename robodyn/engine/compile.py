@@ -1,0 +1,71 @@
+"""From LLVM IR to machine code in this process, for the CPU at hand."""
+
+import ctypes
+import threading
+from functools import cache
+from typing import Any
+
+from ..errors import MissingPackageError
+
+
+@cache
+def llvm() -> Any:
+    """llvmlite's binding, imported and initialised when first used."""
+    try:
+        import llvmlite.binding as binding
+    except ImportError as error:
+        raise MissingPackageError("backend='native' needs the package llvmlite: pip install llvmlite, or use backend='numpy'") from error
+    binding.initialize_native_target()
+    binding.initialize_native_asmprinter()
+    return binding
+
+
+@cache
+def cpu() -> tuple[str, str]:
+    """Name and features of this CPU."""
+    return llvm().get_host_cpu_name(), llvm().get_host_cpu_features().flatten()
+
+
+@cache
+def lanes() -> int:
+    """Doubles in the widest vector registers here."""
+    features = cpu()[1].split(",")
+    return 8 if "+avx512f" in features else 4 if "+avx2" in features else 2
+
+
+OPTIONS = "opt 2, pic, no vectorizers, no unrolling"  # part of the cache key: change it with what `object_code` does
+
+_lock = threading.Lock()  # LLVM's context is one for the process
+
+
+def object_code(ir: str) -> bytes:
+    """The object file of a module."""
+    binding = llvm()
+    with _lock:
+        module = binding.parse_assembly(ir)
+        name, features = cpu()
+        target = binding.Target.from_default_triple()
+        machine = target.create_target_machine(cpu=name, features=features, opt=2, reloc="pic", codemodel="jitdefault")
+        module.triple, module.data_layout = machine.triple, str(machine.target_data)
+        options = binding.create_pipeline_tuning_options(speed_level=2)
+        options.slp_vectorization = options.loop_vectorization = options.loop_unrolling = False
+        passes = binding.create_pass_builder(machine, options)
+        passes.getModulePassManager().run(module, passes)
+        return machine.emit_object(module)
+
+
+class Loaded:
+    """An object file, loaded: machine code that can be called as long as this lives."""
+
+    def __init__(self, code: bytes) -> None:
+        binding = llvm()
+        with _lock:
+            module = binding.parse_assembly("")
+            machine = binding.Target.from_default_triple().create_target_machine(cpu=cpu()[0], features=cpu()[1], codemodel="jitdefault")
+            self._engine = binding.create_mcjit_compiler(module, machine)
+            self._engine.add_object_file(binding.object_file.ObjectFileRef.from_data(code))
+            self._engine.finalize_object()
+
+    def function(self, name: str, *types: Any, result: Any = ctypes.c_int64) -> Any:
+        """A C function of the object file."""
+        return ctypes.CFUNCTYPE(result, *types)(self._engine.get_function_address(name))

@@ -1,0 +1,300 @@
+"""LLVM IR of a program: the same instructions once for scalars and once for SIMD vectors, one state per lane.
+
+The text is written directly: a program is straight-line code, and building it through objects would take longer than LLVM does.
+A block of states lives in `slots`, an array with one (vector of) double per value that crosses a border: inputs, outputs, and,
+where a program is cut into functions of a few thousand operations to keep LLVM's time linear, values that a later one needs.
+"""
+
+from collections.abc import Iterator
+from itertools import pairwise
+
+from .functions import Type, by_lane, declarations, sincos
+from .graph import LEAVES
+from .program import Program
+
+PIECE = 2500  # operations in one function: LLVM's time grows faster than linearly beyond
+BINARY = {"add": "fadd", "sub": "fsub", "mul": "fmul", "div": "fdiv"}
+INTRINSIC = {"sqrt": "sqrt", "abs": "fabs", "min": "minnum", "max": "maxnum"}
+BY_LANE = ("exp", "log", "tanh")
+
+
+class Part:
+    """A program as functions over slots: what a module that calls it needs to know."""
+
+    def __init__(self, program: Program, t: Type, name: str) -> None:
+        self.program, self.name = program, name
+        self._pieces = _pieces(program)
+        self.slots = _slots(program, self._pieces)
+        self.size = len(self.slots)
+        self._t = t
+
+    def functions(self) -> Iterator[str]:
+        """The definitions."""
+        for k, piece in enumerate(self._pieces):
+            yield from _piece(self.program, self._t, f"{self.name}{k}", piece, self.slots, inline=len(self._pieces) == 1)
+
+    def calls(self, slots: str) -> list[str]:
+        """The lines that evaluate the program on slots whose inputs are set."""
+        return [f"  call void @{self.name}{k}(ptr {slots})" for k in range(len(self._pieces))]
+
+
+def prologue(t: Type, *programs: Program) -> Iterator[str]:
+    """Declarations and functions that the programs call."""
+    used = {op for program in programs for op, *_ in program.instructions}
+    yield from declarations(t)
+    yield from sincos(t)
+    for name in BY_LANE:
+        if name in used:
+            yield from by_lane(t, name)
+    yield '!0 = !{!"branch_weights", i32 1, i32 100000}'
+
+
+def module(program: Program, lanes: int) -> str:
+    """IR text with `i64 @run(ptr in…, i64 stride…, ptr out…, i64 count)`.
+
+    in: one pointer per input, to rows of doubles, `stride` doubles apart (0: one row for all); out: rows without gaps. Returns the
+    first row of the first block in which an input or output is not finite or a guard not positive, or −1.
+    """
+    t = Type(lanes)
+    part = Part(program, t, "piece")
+    lines = [*prologue(t, program), *part.functions(), *_run(part, t)]
+    if lanes > 1:
+        lines.append(f"declare {t.float} @llvm.masked.load.{t.name}.p0(ptr, i32, {t.bool}, {t.float})")
+        lines.append(f"declare void @llvm.masked.store.{t.name}.p0({t.float}, ptr, i32, {t.bool})")
+    return "\n".join(lines) + "\n"
+
+
+def _pieces(program: Program) -> list[range]:
+    """The instructions, cut into runs of at most PIECE."""
+    n = len(program.instructions)
+    count = max(1, -(-n // PIECE))
+    ends = [n * k // count for k in range(count + 1)]
+    return [range(a, b) for a, b in pairwise(ends)]
+
+
+def _slots(program: Program, pieces: list[range]) -> dict[object, int]:
+    """Where values live: ("in", name, k) and ("out", name, k), each vector in one run; and numbers of values that cross a border."""
+    slots: dict[object, int] = {}
+    for name, size in program.inputs.items():
+        for k in range(size):
+            slots["in", name, k] = len(slots)
+    for name, values in program.outputs.items():
+        for k in range(len(values)):
+            slots["out", name, k] = len(slots)
+    where = {i: p for p, piece in enumerate(pieces) for i in piece}
+    for i, (op, *operands) in enumerate(program.instructions):
+        for j in () if op in LEAVES else operands:
+            if where[j] != where[i] and program.instructions[j][0] not in LEAVES:
+                slots.setdefault(j, len(slots))
+    for i in program.guards:
+        slots.setdefault(i, len(slots))
+    return slots
+
+
+def _piece(program: Program, t: Type, name: str, piece: range, slots: dict[object, int], *, inline: bool) -> Iterator[str]:
+    """One function: loads what it needs from the slots, computes, stores what others need."""
+    F, names, trig = t.float, {}, {}
+    lines: list[str] = []
+
+    def operand(j: int) -> str:
+        """The name of value j here; a constant's is itself."""
+        if j in names:
+            return names[j]
+        op, *rest = program.instructions[j]
+        if op == "const":
+            names[j] = t.constant(rest[0])
+        else:
+            slot = slots[("in", *rest)] if op == "in" else slots[j]
+            lines.append(f"  %p{j} = getelementptr {F}, ptr %slots, i64 {slot}")
+            lines.append(f"  %v{j} = load {F}, ptr %p{j}")
+            names[j] = f"%v{j}"
+        return names[j]
+
+    for i in piece:
+        op, *args = program.instructions[i]
+        if op in LEAVES:
+            continue
+        xs = [operand(j) for j in args]
+        if op in BINARY:
+            lines.append(f"  %v{i} = {BINARY[op]} {F} {xs[0]}, {xs[1]}")
+        elif op in ("fma", "fms", "fnma"):
+            a, b, c = xs
+            if op == "fms":
+                lines.append(f"  %n{i} = fneg {F} {c}")
+                c = f"%n{i}"
+            elif op == "fnma":
+                lines.append(f"  %n{i} = fneg {F} {a}")
+                a = f"%n{i}"
+            lines.append(f"  %v{i} = call {F} @llvm.fma.{t.name}({F} {a}, {F} {b}, {F} {c})")
+        elif op == "neg":
+            lines.append(f"  %v{i} = fneg {F} {xs[0]}")
+        elif op in ("sin", "cos"):
+            if args[0] not in trig:
+                trig[args[0]] = f"%t{i}"
+                lines.append(f"  %t{i} = call {{{F}, {F}}} @sincos({F} {xs[0]})")
+            lines.append(f"  %v{i} = extractvalue {{{F}, {F}}} {trig[args[0]]}, {int(op == 'cos')}")
+        elif op in INTRINSIC:
+            lines.append(f"  %v{i} = call {F} @llvm.{INTRINSIC[op]}.{t.name}({', '.join(f'{F} {x}' for x in xs)})")
+        else:
+            lines.append(f"  %v{i} = call {F} @{op}.lanes({F} {xs[0]})")
+        names[i] = f"%v{i}"
+
+    # What is needed later. Inputs and constants that are outputs are stored by the first piece.
+    stores = [(i, slot) for i, slot in slots.items() if isinstance(i, int)]
+    stores += [(i, slots["out", name, k]) for name, values in program.outputs.items() for k, i in enumerate(values)]
+    for i, slot in stores:
+        if i in piece if program.instructions[i][0] not in LEAVES else piece.start == 0:
+            value = operand(i)
+            lines.append(f"  %q{slot} = getelementptr {F}, ptr %slots, i64 {slot}")
+            lines.append(f"  store {F} {value}, ptr %q{slot}")
+    yield f"define internal void @{name}(ptr noalias %slots) {'alwaysinline' if inline else 'noinline'} nounwind {{"
+    yield from lines
+    yield "  ret void"
+    yield "}"
+
+
+def _run(part: Part, t: Type) -> Iterator[str]:
+    """The loop over blocks of `lanes` rows: gather, compute, check, scatter."""
+    F, L, program, slots = t.float, t.lanes, part.program, part.slots
+    arguments = [f"ptr noalias readonly %in{k}, i64 %stride{k}" for k in range(len(program.inputs))]
+    arguments += [f"ptr noalias %out{k}" for k in range(len(program.outputs))]
+    yield f"define i64 @run({', '.join(arguments)}, i64 %count) nounwind {{"
+    yield "entry:"
+    yield f"  %slots = alloca {F}, i64 {len(slots)}, align {8 * L}"
+    yield "  %last = sub i64 %count, 1"
+    yield "  %none = icmp slt i64 %last, 0"
+    yield "  br i1 %none, label %good, label %loop"
+    yield "loop:"
+    yield "  %row = phi i64 [0, %entry], [%next, %step]"
+    # Rows of this block; beyond the end the last row again, which then is computed and written twice, alike.
+    for i in range(L):
+        yield f"  %r{i}u = add i64 %row, {i}"
+        yield f"  %r{i} = call i64 @llvm.smin.i64(i64 %r{i}u, i64 %last)"
+    finite = t.constant(0.0)
+    for k, (name, size) in enumerate(program.inputs.items()):
+        for i in range(L):
+            yield f"  %o{k}_{i} = mul i64 %r{i}, %stride{k}"
+            yield f"  %i{k}_{i} = getelementptr double, ptr %in{k}, i64 %o{k}_{i}"
+        columns, text = _columns(t, f"i{k}", [f"%i{k}_{i}" for i in range(L)], size)
+        yield from text
+        for j, value in enumerate(columns):
+            yield f"  %ip{k}_{j} = getelementptr {F}, ptr %slots, i64 {slots['in', name, j]}"
+            yield f"  store {F} {value}, ptr %ip{k}_{j}"
+            # x · 0 is 0 for a finite x, and NaN for every other: one sum tells of them all.
+            yield f"  %if{k}_{j} = call {F} @llvm.fma.{t.name}({F} {value}, {F} {t.constant(0.0)}, {F} {finite})"
+            finite = f"%if{k}_{j}"
+    yield from part.calls("%slots")
+
+    ok = None
+    for n, i in enumerate(dict.fromkeys(program.guards)):
+        yield f"  %gp{n} = getelementptr {F}, ptr %slots, i64 {slots[i]}"
+        yield f"  %gv{n} = load {F}, ptr %gp{n}"
+        yield f"  %gc{n} = fcmp ogt {F} %gv{n}, {t.constant(0.0)}"
+        if ok is not None:
+            yield f"  %ga{n} = and {t.bool} %gc{n}, {ok}"
+        ok = f"%ga{n}" if ok is not None else f"%gc{n}"
+    for k, (name, values) in enumerate(program.outputs.items()):
+        for i in range(L):
+            yield f"  %u{k}_{i} = mul i64 %r{i}, {len(values)}"
+            yield f"  %w{k}_{i} = getelementptr double, ptr %out{k}, i64 %u{k}_{i}"
+        columns = []
+        for j in range(len(values)):
+            yield f"  %op{k}_{j} = getelementptr {F}, ptr %slots, i64 {slots['out', name, j]}"
+            yield f"  %ov{k}_{j} = load {F}, ptr %op{k}_{j}"
+            yield f"  %of{k}_{j} = call {F} @llvm.fma.{t.name}({F} %ov{k}_{j}, {F} {t.constant(0.0)}, {F} {finite})"
+            finite = f"%of{k}_{j}"
+            columns.append(f"%ov{k}_{j}")
+        yield from _rows(t, f"o{k}", [f"%w{k}_{i}" for i in range(L)], columns)
+
+    yield f"  %fine = fcmp oeq {F} {finite}, {t.constant(0.0)}"
+    if ok is not None:
+        yield f"  %all = and {t.bool} %fine, {ok}"
+    bits = "%all" if ok is not None else "%fine"
+    if L > 1:
+        yield f"  %mask = bitcast {t.bool} {bits} to i{L}"
+        yield f"  %pass = icmp eq i{L} %mask, -1"
+        bits = "%pass"
+    yield f"  br i1 {bits}, label %step, label %bad, !prof !1"
+    yield "step:"
+    yield f"  %next = add i64 %row, {L}"
+    yield "  %more = icmp slt i64 %next, %count"
+    yield "  br i1 %more, label %loop, label %good"
+    yield "good:"
+    yield "  ret i64 -1"
+    yield "bad:"
+    yield "  ret i64 %row"
+    yield "}"
+    yield "declare i64 @llvm.smin.i64(i64, i64)"
+    yield '!1 = !{!"branch_weights", i32 100000, i32 1}'
+
+
+def _columns(t: Type, name: str, rows: list[str], size: int) -> tuple[list[str], list[str]]:
+    """Names of the columns (one vector per entry, a row per lane) of rows in memory, and the code that gathers them."""
+    F, L, columns, lines = t.float, t.lanes, [], []
+    if L == 1:
+        for j in range(size):
+            lines.append(f"  %{name}a{j} = getelementptr double, ptr {rows[0]}, i64 {j}")
+            lines.append(f"  %{name}c{j} = load double, ptr %{name}a{j}, align 8")
+            columns.append(f"%{name}c{j}")
+        return columns, lines
+    for start in range(0, size, L):
+        width = min(L, size - start)
+        loaded = []
+        for i, row in enumerate(rows):
+            lines.append(f"  %{name}a{start}_{i} = getelementptr double, ptr {row}, i64 {start}")
+            value = f"%{name}l{start}_{i}"
+            if width == L:
+                lines.append(f"  {value} = load {F}, ptr %{name}a{start}_{i}, align 8")
+            else:
+                arguments = f"ptr %{name}a{start}_{i}, i32 8, {t.bool} {_mask(L, width)}, {F} zeroinitializer"
+                lines.append(f"  {value} = call {F} @llvm.masked.load.{t.name}.p0({arguments})")
+            loaded.append(value)
+        transposed, text = _transposed(t, f"{name}t{start}", loaded)
+        lines += text
+        columns += transposed[:width]
+    return columns, lines
+
+
+def _rows(t: Type, name: str, rows: list[str], columns: list[str]) -> Iterator[str]:
+    """Code that writes columns (a row per lane) to rows in memory."""
+    F, L = t.float, t.lanes
+    if L == 1:
+        for j, value in enumerate(columns):
+            yield f"  %{name}a{j} = getelementptr double, ptr {rows[0]}, i64 {j}"
+            yield f"  store double {value}, ptr %{name}a{j}, align 8"
+        return
+    for start in range(0, len(columns), L):
+        group = columns[start : start + L]
+        padded = group + [group[-1]] * (L - len(group))
+        transposed, text = _transposed(t, f"{name}t{start}", padded)
+        yield from text
+        for i, (row, value) in enumerate(zip(rows, transposed, strict=True)):
+            yield f"  %{name}a{start}_{i} = getelementptr double, ptr {row}, i64 {start}"
+            if len(group) == L:
+                yield f"  store {F} {value}, ptr %{name}a{start}_{i}, align 8"
+            else:
+                arguments = f"{F} {value}, ptr %{name}a{start}_{i}, i32 8, {t.bool} {_mask(L, len(group))}"
+                yield f"  call void @llvm.masked.store.{t.name}.p0({arguments})"
+
+
+def _mask(lanes: int, width: int) -> str:
+    return "<" + ", ".join(f"i1 {int(k < width)}" for k in range(lanes)) + ">"
+
+
+def _transposed(t: Type, name: str, rows: list[str]) -> tuple[list[str], list[str]]:
+    """A square of lanes × lanes numbers, transposed by swapping blocks of 1, 2, 4, … within pairs of rows."""
+    F, L, rows, lines = t.float, t.lanes, list(rows), []
+    k = 1
+    while k < L:
+        low = [j if not j & k else L + j - k for j in range(L)]
+        high = [j + k if not j & k else L + j for j in range(L)]
+        for i in range(L):
+            if i & k:
+                continue
+            a, b = rows[i], rows[i + k]
+            for target, mask in ((i, low), (i + k, high)):
+                text = ", ".join(f"i32 {m}" for m in mask)
+                lines.append(f"  %{name}_{k}_{target} = shufflevector {F} {a}, {F} {b}, <{L} x i32> <{text}>")
+                rows[target] = f"%{name}_{k}_{target}"
+        k *= 2
+    return rows, lines

@@ -1,0 +1,366 @@
+"""Explicit Runge-Kutta methods with the step loop in native code.
+
+A program computes dx = ẋ from t and x; another may put x back on its side conditions. One function advances the state until it is
+done or a budget of steps is used up, so that Python can show progress and take Ctrl-C in between. A method is a tableau, as data.
+Hairer, Nørsett, Wanner, Solving ODEs I: sections II.1, II.4 (error control), II.6 (dense output).
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..arithmetic import Array
+from . import emit
+from .code import Code
+from .functions import Type
+from .program import Program
+
+DONE, PAUSED, STEP_TOO_SMALL, NOT_FINITE = range(4)  # what `advance` returns
+
+# The numbers that `advance` reads and writes, each a double.
+HEADER = ("t", "h", "t0", "t_end", "count", "rtol", "atol", "next", "steps", "rejected", "evaluations", "started", "shrink")
+UNROLLED = 48  # entries of a state vector up to which loops over it are written out
+
+SAFETY, SHRINK, GROW = 0.9, 0.2, 10.0  # of the step size control
+
+
+@dataclass(frozen=True, eq=False)
+class Method:
+    """Stages k_i = f(t + c_i h, x + h Σ a_ij k_j), then x_new = x + h Σ b_i k_i; k_s = f(t + h, x_new) starts the next step."""
+
+    a: Array  # (s, s), strictly lower
+    b: Array  # (s,)
+    c: Array  # (s,)
+    order: int = 4  # of the error estimate, for the step size
+    errors: tuple[Array, ...] = ()  # weights (s + 1,) of the error: none for equal steps, one, or DOP853's pair (order 5, order 3)
+    extra_a: Array | None = None  # further stages (m, s + 1 + m) for dense output
+    extra_c: Array | None = None
+    dense: Array | None = None  # DOP853's interpolation weights; None: cubic Hermite
+
+
+def module(method: Method, rhs: Program, project: Program | None, lanes: int) -> str:
+    """IR text with `i64 @advance(ptr header, ptr x, ptr k, ptr times, i64 ntimes, ptr out, i64 budget)`.
+
+    header: see HEADER. x: nx entries; k: room for `stages(method)` × nx; out: ntimes × nx. An entry is a double, or `lanes` of them.
+    """
+    return _Writer(method, rhs, project, Type(lanes)).text()
+
+
+def stages(method: Method) -> int:
+    """Derivatives that the method keeps at a time."""
+    return len(method.b) + 1 + (0 if method.extra_c is None else len(method.extra_c))
+
+
+class _Writer:
+    def __init__(self, method: Method, rhs: Program, project: Program | None, t: Type) -> None:
+        self.m, self.t, self.nx, self.code = method, t, rhs.inputs["x"], Code()
+        self.f = emit.Part(rhs, t, "f")
+        self.project = emit.Part(project, t, "project") if project else None
+        self.header = {name: f"%header.{name}" for name in HEADER}
+
+    def text(self) -> str:
+        programs = [part.program for part in (self.f, self.project) if part]
+        self._advance()
+        arrays = ", ".join(f"ptr noalias %{name}" for name in ("header", "x", "k", "times"))
+        head = f"define i64 @advance({arrays}, i64 %ntimes, ptr noalias %out, i64 %budget) nounwind"
+        lines = [*emit.prologue(self.t, *programs), "declare double @llvm.pow.f64(double, double)"]
+        if self.t.lanes > 1:
+            lines += ["declare double @llvm.fma.f64(double, double, double)", "declare double @llvm.sqrt.f64(double)"]
+            lines += ["declare double @llvm.minnum.f64(double, double)", "declare double @llvm.maxnum.f64(double, double)"]
+        for part in (self.f, self.project):
+            lines += part.functions() if part else ()
+        return "\n".join([*lines, *self.code.function(head)]) + "\n"
+
+    # --- vectors of nx entries ---
+
+    def each(self, body: Callable[[str], None]) -> None:
+        """Code for every index of a state vector."""
+        c = self.code
+        if self.nx <= UNROLLED:
+            for i in range(self.nx):
+                body(str(i))
+            return
+        i = c.variable("i64", "0")
+        with c.repeat(lambda: c.value(f"icmp slt i64 {c.get('i64', i)}, {self.nx}")):
+            body(now := c.get("i64", i))
+            c.set("i64", i, c.binary("add", "i64", now, "1"))
+
+    def entry(self, base: str, index: str, row: int = 0) -> str:
+        """The address of an entry of row `row` of an array of state vectors."""
+        index = self.code.binary("add", "i64", index, str(row * self.nx)) if row else index
+        return self.code.at(self.t.float, base, index)
+
+    def load(self, base: str, index: str, row: int = 0) -> str:
+        return self.code.get(self.t.float, self.entry(base, index, row))
+
+    def store(self, value: str, base: str, index: str, row: int = 0) -> None:
+        self.code.set(self.t.float, self.entry(base, index, row), value)
+
+    def combination(self, weights: Array, index: str) -> str | None:
+        """Σ w_j k_j of one entry, smallest index first."""
+        total = None
+        for j in np.flatnonzero(weights):
+            k, w = self.load("%k", index, int(j)), self.t.constant(float(weights[j]))
+            total = self.code.binary("fmul", self.t.float, k, w) if total is None else self.code.fma(self.t, k, w, total)
+        return total
+
+    # --- the right-hand side ---
+
+    def evaluate(self, time: str, state: str | Callable[[str], str], row: int) -> None:
+        """k_row = f(time, state), the state an array or a function of the index."""
+        c, slots = self.code, self.f.slots
+        if ("in", "t", 0) in slots:
+            c.set(self.t.float, c.at(self.t.float, self.fs, slots["in", "t", 0]), c.splat(self.t, time))
+        if ("in", "h", 0) in slots:
+            c.set(self.t.float, c.at(self.t.float, self.fs, slots["in", "h", 0]), c.splat(self.t, self.number("h")))
+        base = c.at(self.t.float, self.fs, slots["in", "x", 0])
+        self.each(lambda i: self.store(self.load(state, i) if isinstance(state, str) else state(i), base, i))
+        c.lines += self.f.calls(self.fs)
+        result = c.at(self.t.float, self.fs, slots["out", "dx", 0])
+        self.each(lambda i: self.store(self.load(result, i), "%k", i, row))
+        self.count("evaluations")
+
+    def projected(self, array: str) -> None:
+        """An array of one state, put back on its side conditions."""
+        if self.project is None:
+            return
+        c, slots = self.code, self.project.slots
+        base, result = (c.at(self.t.float, self.ps, slots[k]) for k in (("in", "x", 0), ("out", "x", 0)))
+        self.each(lambda i: self.store(self.load(array, i), base, i))
+        c.lines += self.project.calls(self.ps)
+        self.each(lambda i: self.store(self.load(result, i), array, i))
+
+    def trusted(self) -> str:
+        """i1: the last derivative is finite, and every guard of its evaluation is positive, in all lanes."""
+        c, t = self.code, self.t
+        total = c.variable(t.float, t.constant(0.0))
+
+        def add(i: str) -> None:
+            k = self.load("%k", i, self.s)
+            c.set(t.float, total, c.fma(t, k, t.constant(0.0), c.get(t.float, total)))
+
+        self.each(add)
+        good = c.value(f"fcmp oeq {t.float} {c.get(t.float, total)}, {t.constant(0.0)}")
+        for i in dict.fromkeys(self.f.program.guards):
+            guard = c.get(t.float, c.at(t.float, self.fs, self.f.slots[i]))
+            good = c.binary("and", t.bool, good, c.value(f"fcmp ogt {t.float} {guard}, {t.constant(0.0)}"))
+        if t.lanes == 1:
+            return good
+        return c.value(f"icmp eq i{t.lanes} {c.value(f'bitcast {t.bool} {good} to i{t.lanes}')}, -1")
+
+    # --- the header ---
+
+    def number(self, name: str) -> str:
+        return self.code.get("double", self.header[name])
+
+    def put(self, name: str, value: str) -> None:
+        self.code.set("double", self.header[name], value)
+
+    def count(self, name: str) -> None:
+        self.put(name, self.code.binary("fadd", "double", self.number(name), _hex(1.0)))
+
+    # --- the loop ---
+
+    def _advance(self) -> None:
+        c, m, t = self.code, self.m, self.t
+        self.s = len(m.b)
+        for i, name in enumerate(HEADER):
+            c.add(f"{self.header[name]} = getelementptr double, ptr %header, i64 {i}")
+        self.fs, self.xnew, self.ps = "%f.slots", "%x.new", "%project.slots"
+        align = f"align {8 * t.lanes}"
+        c.allocations += [
+            f"  {self.fs} = alloca {t.float}, i64 {self.f.size}, {align}",
+            f"  {self.xnew} = alloca {t.float}, i64 {self.nx}, {align}",
+        ]
+        if self.project:
+            c.allocations.append(f"  {self.ps} = alloca {t.float}, i64 {self.project.size}, {align}")
+
+        # The first derivative, once.
+        with c.when(c.value(f"fcmp oeq double {self.number('started')}, {_hex(0.0)}")):
+            self.evaluate(self.number("t"), "%x", self.s)
+            self.put("started", _hex(1.0))
+            with c.when(c.value(f"icmp eq i1 {self.trusted()}, false")):
+                c.leave("i64", str(NOT_FINITE))
+            self.each(lambda i: self.store(self.load("%k", i, self.s), "%k", i))
+
+        left = c.variable("i64", "%budget")
+        with c.repeat(lambda: c.value(f"fcmp olt double {self.number('t')}, {self.number('t_end')}")):
+            with c.when(c.value(f"icmp sle i64 {c.get('i64', left)}, 0")):
+                c.leave("i64", str(PAUSED))
+            c.set("i64", left, c.binary("sub", "i64", c.get("i64", left), "1"))
+            (self._controlled_step if m.errors else self._equal_step)()
+        c.leave("i64", str(DONE))
+
+    def _equal_step(self) -> None:
+        """Step i of `count`, from t0 + i h to t0 + (i + 1) h; the last one ends at t_end."""
+        c = self.code
+        h, t_old = self.number("h"), self.number("t")
+        i = c.binary("fadd", "double", self.number("steps"), _hex(1.0))
+        regular = c.value(f"call double @llvm.fma.f64(double {i}, double {h}, double {self.number('t0')})")
+        last = c.value(f"fcmp oge double {i}, {self.number('count')}")
+        t_new = c.value(f"select i1 {last}, double {self.number('t_end')}, double {regular}")
+        self._stages(t_old, h)
+        self.projected(self.xnew)
+        self.evaluate(t_new, self.xnew, self.s)
+        self._accept(t_old, t_new, h)
+
+    def _controlled_step(self) -> None:
+        """One attempt; accepted where the error estimate is at most 1, then h is adapted either way."""
+        c, m = self.code, self.m
+        t_old = self.number("t")
+        left = c.binary("fsub", "double", self.number("t_end"), t_old)
+        h = c.call("double", "llvm.minnum.f64", self.number("h"), left)
+        ends = c.value(f"fcmp oge double {h}, {left}")
+        t_new = c.value(f"select i1 {ends}, double {self.number('t_end')}, double {c.binary('fadd', 'double', t_old, h)}")
+        smallest = c.value(f"fmul double {c.call('double', 'llvm.fabs.f64', t_old)}, {_hex(16 * np.finfo(float).eps)}")
+        tiny = c.value(f"fcmp ule double {h}, {c.call('double', 'llvm.maxnum.f64', smallest, _hex(1e-300))}")
+        with c.when(c.binary("and", "i1", tiny, c.value(f"xor i1 {ends}, true"))):
+            c.leave("i64", str(STEP_TOO_SMALL))
+        self._stages(t_old, h)
+        self.evaluate(t_new, self.xnew, self.s)
+        error = self._error(h)
+
+        # h_new = h · 0.9 · error^(−1/(q + 1)), within 0.2 … 10, and no growth right after a rejection. A NaN counts as a rejection.
+        power = c.value(f"call double @llvm.pow.f64(double {error}, double {_hex(-1.0 / (m.order + 1))})")
+        factor = c.binary("fmul", "double", power, _hex(SAFETY))
+        shrink = self.number("shrink")
+        good = c.value(f"fcmp ole double {error}, {_hex(1.0)}")
+        ceiling = c.value(f"select i1 {c.value(f'fcmp ogt double {shrink}, {_hex(0.0)}')}, double {_hex(1.0)}, double {_hex(GROW)}")
+        ceiling = c.value(f"select i1 {good}, double {ceiling}, double {_hex(1.0)}")
+        factor = c.call("double", "llvm.minnum.f64", c.call("double", "llvm.maxnum.f64", factor, _hex(SHRINK)), ceiling)
+        known = c.value(f"fcmp ord double {error}, {_hex(0.0)}")
+        factor = c.value(f"select i1 {known}, double {factor}, double {_hex(SHRINK)}")
+        self.put("shrink", c.value(f"select i1 {good}, double {_hex(0.0)}, double {_hex(1.0)}"))
+        # The last step may have been cut short: what it says about h counts only if it asks for less.
+        wanted = c.binary("fmul", "double", h, factor)
+        cut = c.binary("and", "i1", ends, good)
+        self.put("h", c.value(f"select i1 {cut}, double {self.number('h')}, double {wanted}"))
+        with c.when(c.value(f"xor i1 {good}, true")):
+            self.count("rejected")
+        with c.when(good):
+            if self.project:
+                self.projected(self.xnew)
+                self.evaluate(t_new, self.xnew, self.s)
+            self._accept(t_old, t_new, h)
+
+    def _stages(self, t_old: str, h: str) -> None:
+        """k_1 … k_{s−1} and x_new."""
+        c, m, t = self.code, self.m, self.t
+        step = c.splat(t, h)
+
+        def moved(weights: Array) -> Callable[[str], str]:
+            def at(i: str) -> str:
+                change = self.combination(weights, i)
+                return self.load("%x", i) if change is None else c.fma(t, change, step, self.load("%x", i))
+
+            return at
+
+        for i in range(1, self.s):
+            time = c.value(f"call double @llvm.fma.f64(double {h}, double {_hex(float(m.c[i]))}, double {t_old})")
+            self.evaluate(time, moved(m.a[i, :i]), i)
+        self.each(lambda i: self.store(moved(m.b)(i), self.xnew, i))
+
+    def _error(self, h: str) -> str:
+        """The error of a step in units of the tolerance: the root mean square over the entries."""
+        c, m, t = self.code, self.m, self.t
+        sums = [c.variable("double", _hex(0.0)) for _ in m.errors]
+
+        def add(i: str) -> None:
+            sizes = [c.call("double", "llvm.fabs.f64", self.load(base, i)) for base in ("%x", self.xnew)]
+            size = c.call("double", "llvm.maxnum.f64", *sizes)
+            scale = c.value(f"call double @llvm.fma.f64(double {size}, double {self.number('rtol')}, double {self.number('atol')})")
+            for total, weights in zip(sums, m.errors, strict=True):
+                e = c.binary("fdiv", "double", self.combination(weights, i) or _hex(0.0), scale)
+                c.set("double", total, c.fma(t, e, e, c.get("double", total)))
+
+        self.each(add)
+        values = [c.get("double", total) for total in sums]
+        mean = _hex(1.0 / self.nx)
+        if len(values) == 1:
+            rms = c.value(f"call double @llvm.sqrt.f64(double {c.binary('fmul', 'double', values[0], mean)})")
+            return c.binary("fmul", "double", rms, h)
+        # DOP853: err5² / sqrt(err5² + 0.01 err3²), section II.10.
+        e5, e3 = values
+        both = c.value(f"call double @llvm.fma.f64(double {e3}, double {_hex(0.01)}, double {e5})")
+        root = c.value(f"call double @llvm.sqrt.f64(double {c.binary('fdiv', 'double', both, mean)})")
+        ratio = c.binary("fdiv", "double", e5, root)
+        zero = c.value(f"fcmp oeq double {both}, {_hex(0.0)}")
+        return c.binary("fmul", "double", c.value(f"select i1 {zero}, double {_hex(0.0)}, double {ratio}"), h)
+
+    def _accept(self, t_old: str, t_new: str, h: str) -> None:
+        """Outputs within the step, then the new state becomes the old."""
+        c = self.code
+        with c.when(c.value(f"icmp eq i1 {self.trusted()}, false")):
+            c.leave("i64", str(NOT_FINITE))
+        prepared = c.variable("i1", "false")
+
+        def wanted() -> str:
+            """There is an output time left, and it lies within the step."""
+            i = c.value(f"fptosi double {self.number('next')} to i64")
+            more = c.value(f"icmp slt i64 {i}, %ntimes")
+            safe = c.value(f"select i1 {more}, i64 {i}, i64 0")
+            inside = c.value(f"fcmp ole double {c.get('double', c.at('double', '%times', safe))}, {t_new}")
+            return c.binary("and", "i1", more, inside)
+
+        with c.when(c.value("icmp sgt i64 %ntimes, 0")), c.repeat(wanted):
+            i = c.value(f"fptosi double {self.number('next')} to i64")
+            time = c.get("double", c.at("double", "%times", i))
+            row = c.at(self.t.float, "%out", c.binary("mul", "i64", i, str(self.nx)))
+            at_end = c.value(f"fcmp oge double {time}, {t_new}")
+            with c.when(at_end):
+                self.each(lambda j: self.store(self.load(self.xnew, j), row, j))
+            with c.when(c.value(f"xor i1 {at_end}, true")):
+                if self.m.dense is not None:
+                    with c.when(c.value(f"icmp eq i1 {c.get('i1', prepared)}, false")):
+                        self._extra_stages(t_old, h)
+                        c.set("i1", prepared, "true")
+                part = c.binary("fdiv", "double", c.binary("fsub", "double", time, t_old), h)
+                self._between(part, h, row)
+                self.projected(row)
+            self.count("next")
+        self.each(lambda i: self.store(self.load(self.xnew, i), "%x", i))
+        self.each(lambda i: self.store(self.load("%k", i, self.s), "%k", i))
+        self.put("t", t_new)
+        self.count("steps")
+
+    def _between(self, part: str, h: str, row: str) -> None:
+        """The state at t_old + part · h."""
+        c, t, F = self.code, self.t, self.t.float
+        s, step, one = c.splat(t, part), c.splat(t, h), t.constant(1.0)
+        rest = c.binary("fsub", F, one, s)
+
+        def at(i: str) -> None:
+            x, new = self.load("%x", i), self.load(self.xnew, i)
+            difference = c.binary("fsub", F, new, x)
+            start, end = (c.binary("fmul", F, self.load("%k", i, j), step) for j in (0, self.s))
+            # Both are x + s (Δ + (1 − s) (b₀ + s (b₁ + (1 − s) (b₂ + …)))): II.6.
+            first = c.binary("fsub", F, start, difference)
+            second = c.binary("fsub", F, c.binary("fsub", F, c.binary("fmul", F, difference, t.constant(2.0)), start), end)
+            tail = [difference, first, second]
+            if self.m.dense is not None:
+                tail += [c.binary("fmul", F, self.combination(w, i) or t.constant(0.0), step) for w in self.m.dense]
+            value = tail[-1]
+            for n in reversed(range(len(tail) - 1)):
+                value = c.fma(t, value, rest if n % 2 == 0 else s, tail[n])
+            self.store(c.fma(t, value, s, x), row, i)
+
+        self.each(at)
+
+    def _extra_stages(self, t_old: str, h: str) -> None:
+        """The further derivatives that dense output of high order needs."""
+        c, m, t = self.code, self.m, self.t
+        assert m.extra_a is not None
+        assert m.extra_c is not None
+        step = c.splat(t, h)
+        for n, (weights, node) in enumerate(zip(m.extra_a, m.extra_c, strict=True)):
+
+            def state(i: str, weights: Array = weights) -> str:
+                return c.fma(t, self.combination(weights, i) or t.constant(0.0), step, self.load("%x", i))
+
+            time = c.value(f"call double @llvm.fma.f64(double {h}, double {_hex(float(node))}, double {t_old})")
+            self.evaluate(time, state, self.s + 1 + n)
+
+
+def _hex(x: float) -> str:
+    return Type(1).constant(x)

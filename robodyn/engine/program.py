@@ -1,0 +1,79 @@
+"""A graph made ready for a machine: live nodes in order, multiply-adds fused, and the places of inputs and outputs.
+
+The fusing is decided here, once, and not left to LLVM: scalar code, SIMD code of any width and every machine with an FMA
+unit then round alike, so a result does not depend on the batch it was computed in.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .graph import LEAVES, Graph, Scalar
+
+Instruction = tuple[Any, ...]  # (operation, operand, …), as in a graph; "fma" a·b + c, "fms" a·b − c, "fnma" c − a·b
+
+
+@dataclass(frozen=True, eq=False)
+class Program:
+    """Straight-line code: value i is what instruction i computes."""
+
+    instructions: tuple[Instruction, ...]
+    inputs: dict[str, int]  # name → length
+    outputs: dict[str, tuple[int, ...]]  # name → values
+    guards: tuple[int, ...]  # values that must be positive for the outputs to be trusted
+
+    @property
+    def operations(self) -> int:
+        """Floating-point operations of one evaluation, a fused multiply-add counted as two, functions not at all."""
+        weights = {"add": 1, "sub": 1, "mul": 1, "div": 1, "neg": 0, "fma": 2, "fms": 2, "fnma": 2}
+        return sum(weights.get(op, 0) for op, *_ in self.instructions)
+
+
+def program(graph: Graph, inputs: Mapping[str, int], outputs: Mapping[str, np.ndarray], guards: Any = ()) -> Program:
+    """The program that computes arrays of scalars of a graph; `guards` are scalars that must turn out positive."""
+    scalars = {name: [graph.lift(x) for x in np.ravel(array)] for name, array in outputs.items()}
+    checks = [graph.lift(x) for x in guards]
+    wanted = [x for xs in scalars.values() for x in xs] + checks
+    live = graph.live(wanted)
+    fused, absorbed = _fused(graph, live, wanted)
+
+    numbers: dict[int, int] = {}
+    code: list[Instruction] = []
+    for i in live:
+        if i in absorbed:
+            continue
+        op, *operands = fused.get(i, graph.nodes[i])
+        numbers[i] = len(code)
+        code.append((op, *(operands if op in LEAVES else (numbers[j] for j in operands))))
+    places = {name: tuple(numbers[x.number] for x in xs) for name, xs in scalars.items()}
+    return Program(tuple(code), dict(inputs), places, tuple(numbers[x.number] for x in checks))
+
+
+def _fused(graph: Graph, live: list[int], wanted: list[Scalar]) -> tuple[dict[int, Instruction], set[int]]:
+    """Sums that absorb a product, and the products that vanish: those whose every use can absorb them."""
+    nodes, uses = graph.nodes, {i: [] for i in live}
+    for i in live:
+        if nodes[i][0] not in LEAVES:
+            for j in nodes[i][1:]:
+                uses[j].append(i)
+    kept = {x.number for x in wanted}
+
+    fused: dict[int, Instruction] = {}
+    absorbed: set[int] = set()
+    for i in live:
+        op = nodes[i][0]
+        sums = [k for k in uses[i] if nodes[k][0] in ("add", "sub") and k not in fused]
+        if op != "mul" or i in kept or not uses[i] or len(sums) < len(uses[i]):
+            continue
+        a, b = nodes[i][1:]
+        for k in sums:
+            left, x, y = nodes[k]
+            other = y if x == i else x
+            if left == "add":
+                fused[k] = ("fma", a, b, other)
+            else:
+                fused[k] = ("fms", a, b, y) if x == i else ("fnma", a, b, x)
+        absorbed.add(i)
+    return fused, absorbed

@@ -1,0 +1,136 @@
+"""How a question is answered: by the formalism itself on float64 or 50-digit numbers, or by a kernel traced from it.
+
+The only place that knows both the equations and the engine.
+"""
+
+import threading
+from collections.abc import Mapping
+from importlib.util import find_spec
+
+import numpy as np
+
+from . import inputs
+from .arithmetic import Array, precision
+from .engine.graph import Graph
+from .engine.kernel import Kernel
+from .engine.program import Program, program
+from .equations import SADDLES, Views
+from .errors import ModelError
+from .loads import Load
+from .model import Mechanism
+from .questions import Answer, Evolution, Question
+from .trust import margin, refuse_impossible, refuse_massless, refuse_undetermined
+
+BACKENDS = ("native", "numpy", "mpmath")
+DEFAULT = "native" if find_spec("llvmlite") else "numpy"
+
+
+class Evaluator:
+    """Answers questions about one robot under one gravity and its loads."""
+
+    def __init__(self, robot: Mechanism, gravity: Array, loads: tuple[Load, ...]) -> None:
+        self.robot = robot
+        # Kernels are traced on the float64 equations: their constants are float64.
+        self._views = {backend: Views(robot, gravity, loads, backend) for backend in ("numpy", "mpmath")}
+        self._kernels: dict[Question, Kernel] = {}
+        self._lock = threading.Lock()
+
+    def views(self, backend: str = "numpy") -> Views:
+        """The equations of a backend."""
+        return self._views["mpmath" if backend == "mpmath" else "numpy"]
+
+    def ask(
+        self, question: Question, backend: str = DEFAULT, *, t: Array | float = 0.0, threads: int | None = None, **arrays: object
+    ) -> dict[str, Array]:
+        """The arrays of the answer, with the leading dimensions that the given arrays have together; None stands for zeros."""
+        inputs.choice("backend", backend, BACKENDS)
+        native = backend == "native" and getattr(question, "formalism", "") not in SADDLES  # oracles choose pivots: no kernel can
+        if native:
+            batch, quick = inputs.quick(self.robot, arrays)
+            values, bad = self.kernel(question)(batch, {**quick, "t": np.asarray(t, dtype=float)[..., None]}, threads)
+            if bad < 0:
+                shapes = question.shapes(self.robot)
+                return {name: x.reshape(batch + shapes[name]) for name, x in values.items()}
+        # The readable reference; and what names the cause where a kernel found that something is wrong.
+        return self._directly(question, "mpmath" if backend == "mpmath" else "numpy", t, arrays)
+
+    def _directly(self, question: Question, backend: str, t: Array | float, arrays: Mapping[str, object]) -> dict[str, Array]:
+        views = self.views(backend)
+        checked = inputs.checked(self.robot, arrays, objects=backend == "mpmath")
+        if "q" in checked:
+            inputs.unit_quaternions(self.views().lumped.side_conditions(checked["q"]))
+        if backend == "mpmath":
+            checked = {name: inputs.as_exact(x) for name, x in checked.items()}
+        if hasattr(question, "formalism"):
+            refuse_impossible(self.robot, self.views().lumped.tree)
+        with precision(backend), np.errstate(all="ignore"):
+            try:
+                answer = question.answer(views, t, **checked)
+            except (np.linalg.LinAlgError, ZeroDivisionError):
+                refuse_massless(self.robot, views.lumped.tree)
+                raise ModelError(f"the equations of robot {self.robot.name!r} are singular at this state") from None
+        if answer.solution is not None:
+            refuse_undetermined(self.robot, self.views().lumped.tree, answer.solution)
+        batch, shapes = next(iter(checked.values())).shape[:-1], question.shapes(self.robot)
+        return {name: np.array(np.broadcast_to(x, batch + shapes[name])) for name, x in answer.values.items()}
+
+    # --- kernels ---
+
+    def kernel(self, question: Question) -> Kernel:
+        """The question's kernel; traced at first use."""
+        if question not in self._kernels:
+            with self._lock:
+                if question not in self._kernels:
+                    if hasattr(question, "formalism"):
+                        refuse_impossible(self.robot, self.views().lumped.tree)
+                    self._kernels[question] = Kernel(self._traced(question))
+        return self._kernels[question]
+
+    def _traced(self, question: Question) -> Program:
+        """The question, asked of symbols."""
+        graph = Graph()
+        sizes = {name: inputs.size(self.robot, name) for name in question.needs} | {"t": 1}
+        arrays = {name: graph.inputs(name, (n,)) for name, n in sizes.items()}
+        t = arrays.pop("t")[0]
+        answer = question.answer(self.views(), t, **arrays)
+        guards = guards_of(self.robot, self.views(), answer, arrays.get("q"))
+        values = {name: np.asarray(x) for name, x in answer.values.items()}
+        return program(graph, sizes, values, guards)
+
+    # --- integration ---
+
+    def evolution(self, formalism: str, *, semi_implicit: bool = False) -> Program:
+        """dx = ẋ of x = (β, η, w) at ("t", 1), ("x", nq + nv + 1).
+
+        semi_implicit: β̇ belongs to the velocity after a step of ("h", 1), so that Euler's explicit step becomes the semi-implicit one.
+        """
+        refuse_impossible(self.robot, self.views().lumped.tree)
+        graph, nq, nv = Graph(), self.robot.nq, self.robot.nv
+        sizes = {"t": 1, "x": nq + nv + 1} | ({"h": 1} if semi_implicit else {})
+        arrays = {name: graph.inputs(name, (n,)) for name, n in sizes.items()}
+        q, v = arrays["x"][:nq], arrays["x"][nq : nq + nv]
+        answer = Evolution(formalism).answer(self.views(), arrays["t"][0], q, v, np.zeros(nv))
+        qdot, vdot, power = (np.asarray(answer.values[name]) for name in ("qdot", "vdot", "power"))
+        if semi_implicit:
+            qdot = self.views().lumped.rate(q, v + vdot * arrays["h"])
+        dx = np.concatenate([qdot, vdot, power.reshape(1)])
+        return program(graph, sizes, {"dx": dx}, guards_of(self.robot, self.views(), answer, None))
+
+    def projection(self) -> Program | None:
+        """x with its Euler parameters at unit length; None where there are none."""
+        equations, graph, nq, nv = self.views().lumped, Graph(), self.robot.nq, self.robot.nv
+        if not equations.side_conditions(self.robot.neutral()):
+            return None
+        x = graph.inputs("x", (nq + nv + 1,))
+        return program(graph, {"x": len(x)}, {"x": np.concatenate([equations.project(x[:nq]), x[nq:]])})
+
+
+def guards_of(robot: Mechanism, views: Views, answer: Answer, q: Array | None) -> list[object]:
+    """What must be positive for an answer to be trusted: pivots above rounding, quaternions near unit length."""
+    guards: list[object] = []
+    if q is not None:
+        guards += [inputs.UNIT_TOLERANCE - abs(phi) for _, phi in views.lumped.side_conditions(q)]
+    if answer.solution is not None:
+        _, pivots, scales = answer.solution
+        guards += [p - margin(robot.nv) * s for p, s in zip(pivots, scales, strict=True)]
+    return [guard[()] if isinstance(guard, np.ndarray) else guard for guard in guards]

@@ -1,0 +1,186 @@
+"""What can be asked of a scene at a state, one class per question, generic over the scalar.
+
+A question is immutable and hashable: it is also the key under which its compiled kernel is kept.
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar, NamedTuple
+
+from .arithmetic import Array, zeros
+from .equations import Views
+from .formalism.solution import Solution
+from .model import Mechanism
+
+Shapes = dict[str, tuple[int, ...]]
+
+
+class Answer(NamedTuple):
+    """Arrays by name; and the solution they rest on, where accelerations were solved for."""
+
+    values: dict[str, Array]
+    solution: Solution | None = None
+
+
+@dataclass(frozen=True)
+class Question:
+    """Base: `needs` names the arrays that `answer` takes beside the time, `shapes` what it returns for one state."""
+
+    needs: ClassVar[tuple[str, ...]]
+
+    def shapes(self, robot: Mechanism) -> Shapes:
+        raise NotImplementedError
+
+    def answer(self, views: Views, t: Array | float, **arrays: Array) -> Answer:
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class ForwardDynamics(Question):
+    """η̇ (..., nv)."""
+
+    formalism: str
+    needs = ("q", "v", "tau")
+
+    def shapes(self, robot: Mechanism) -> Shapes:
+        return {"vdot": (robot.nv,)}
+
+    def answer(self, views: Views, t: Array | float, q: Array, v: Array, tau: Array) -> Answer:  # type: ignore[override]
+        solution = views.lumped.accelerate(q, v, views.lumped.applied(t, q, v, tau), self.formalism)
+        return Answer({"vdot": solution.vdot}, solution)
+
+
+@dataclass(frozen=True)
+class Evolution(Question):
+    """ẋ of the state x = (β, η, w), w the work of the loads: what an integrator asks."""
+
+    formalism: str
+    needs = ("q", "v", "tau")
+
+    def shapes(self, robot: Mechanism) -> Shapes:
+        return {"qdot": (robot.nq,), "vdot": (robot.nv,), "power": ()}
+
+    def answer(self, views: Views, t: Array | float, q: Array, v: Array, tau: Array) -> Answer:  # type: ignore[override]
+        acts = views.lumped.applied(t, q, v, tau)
+        solution = views.lumped.accelerate(q, v, acts, self.formalism)
+        return Answer({"qdot": views.lumped.rate(q, v), "vdot": solution.vdot, "power": acts.power}, solution)
+
+
+@dataclass(frozen=True)
+class Result(Question):
+    """η̇ (..., nv) and the joints' own forces u (..., nu): what a trajectory keeps of a state."""
+
+    formalism: str
+    needs = ("q", "v", "tau")
+
+    def shapes(self, robot: Mechanism) -> Shapes:
+        return {"vdot": (robot.nv,), "u": (robot.nu,)}
+
+    def answer(self, views: Views, t: Array | float, q: Array, v: Array, tau: Array) -> Answer:  # type: ignore[override]
+        acts = views.lumped.applied(t, q, v, tau)
+        solution = views.lumped.accelerate(q, v, acts, self.formalism)
+        return Answer({"vdot": solution.vdot, "u": acts.u}, solution)
+
+
+@dataclass(frozen=True)
+class InverseDynamics(Question):
+    """The coordinate forces (..., nv) that the joints must supply beside the loads."""
+
+    needs = ("q", "v", "a")
+
+    def shapes(self, robot: Mechanism) -> Shapes:
+        return {"tau": (robot.nv,)}
+
+    def answer(self, views: Views, t: Array | float, q: Array, v: Array, a: Array) -> Answer:  # type: ignore[override]
+        acts = views.lumped.applied(t, q, v, zeros((views.lumped.tree.nv,), v.dtype))
+        return Answer({"tau": views.lumped.inverse(q, v, a, acts.wrenches) - acts.tau})
+
+
+@dataclass(frozen=True)
+class MassMatrix(Question):
+    """M̂ (..., nv, nv)."""
+
+    needs = ("q",)
+
+    def shapes(self, robot: Mechanism) -> Shapes:
+        return {"M": (robot.nv, robot.nv)}
+
+    def answer(self, views: Views, t: Array | float, q: Array) -> Answer:  # type: ignore[override]
+        return Answer({"M": views.lumped.mass_matrix(q)})
+
+
+@dataclass(frozen=True)
+class JointReactions(Question):
+    """Wrenches (..., n, 6) of the joints with these indices, at the accelerations that tau causes."""
+
+    formalism: str
+    frame: str
+    part: str
+    joints: tuple[int, ...]
+    needs = ("q", "v", "tau")
+
+    def shapes(self, robot: Mechanism) -> Shapes:
+        return {"wrenches": (len(self.joints), 6)}
+
+    def answer(self, views: Views, t: Array | float, q: Array, v: Array, tau: Array) -> Answer:  # type: ignore[override]
+        acts = views.lumped.applied(t, q, v, tau)
+        solution = views.lumped.accelerate(q, v, acts, self.formalism)
+        known = KnownReactions(self.frame, self.part, self.joints)
+        return Answer(known.answer(views, t, q, v, solution.vdot, acts.u).values, solution)
+
+
+@dataclass(frozen=True)
+class KnownReactions(Question):
+    """The same at known accelerations a (..., nv) and joint forces u (..., nu)."""
+
+    frame: str
+    part: str
+    joints: tuple[int, ...]
+    needs = ("q", "v", "a", "u")
+
+    def shapes(self, robot: Mechanism) -> Shapes:
+        return {"wrenches": (len(self.joints), 6)}
+
+    def answer(self, views: Views, t: Array | float, q: Array, v: Array, a: Array, u: Array) -> Answer:  # type: ignore[override]
+        # Wrenches on links that ride on fixed joints act on bodies of their own here.
+        acts = views.opened.applied(t, q, v, zeros((views.opened.tree.nv,), v.dtype))
+        found = views.opened.reactions(q, v, a, acts._replace(u=u), self.frame, self.part, self.joints)
+        return Answer({"wrenches": found})
+
+
+@dataclass(frozen=True)
+class Energies(Question):
+    """Kinetic energy and potential energy (...) [J]."""
+
+    needs = ("q", "v")
+
+    def shapes(self, robot: Mechanism) -> Shapes:
+        return {"kinetic": (), "potential": ()}
+
+    def answer(self, views: Views, t: Array | float, q: Array, v: Array) -> Answer:  # type: ignore[override]
+        return Answer({"kinetic": views.lumped.kinetic(q, v), "potential": views.lumped.potential(t, q, v)})
+
+
+@dataclass(frozen=True)
+class Momentum(Question):
+    """Angular and linear momentum (..., 6)."""
+
+    needs = ("q", "v")
+
+    def shapes(self, robot: Mechanism) -> Shapes:
+        return {"momentum": (6,)}
+
+    def answer(self, views: Views, t: Array | float, q: Array, v: Array) -> Answer:  # type: ignore[override]
+        return Answer({"momentum": views.lumped.momentum(q, v)})
+
+
+@dataclass(frozen=True)
+class LinkPoses(Question):
+    """Poses (..., nlinks, 4, 4)."""
+
+    needs = ("q",)
+
+    def shapes(self, robot: Mechanism) -> Shapes:
+        return {"poses": (len(robot.links), 4, 4)}
+
+    def answer(self, views: Views, t: Array | float, q: Array) -> Answer:  # type: ignore[override]
+        return Answer({"poses": views.lumped.link_poses(q)})

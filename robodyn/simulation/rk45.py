@@ -1,0 +1,13 @@
+"""Dormand and Prince's method of order 5 with error control. Hairer, Nørsett, Wanner, Solving ODEs I, table II.5.2."""
+
+from ..engine.integrate import Method
+from .scipy_steps import scipy_steps
+
+steps = scipy_steps("RK45")
+
+
+def tableau() -> Method:
+    """The coefficients, as SciPy carries them; cubic Hermite in between in native code, order 4 in SciPy's."""
+    from scipy.integrate import RK45
+
+    return Method(RK45.A, RK45.B, RK45.C, order=4, errors=(RK45.E,))

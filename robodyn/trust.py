@@ -1,0 +1,70 @@
+"""Whether a motion is determined: what is refused, by name, when accelerations are asked for."""
+
+import numpy as np
+
+from .errors import ModelError
+from .formalism.solution import Solution
+from .model import Mechanism, Tree
+
+EPS = np.finfo(float).eps
+
+
+def margin(nv: int) -> float:
+    """The share of its scale that a pivot must exceed: it is left over from about nv sums, and below their rounding it is noise."""
+    return 4 * (nv + 1) * EPS
+
+
+def refuse_impossible(mechanism: Mechanism, tree: Tree) -> None:
+    """ModelError where a body has a negative moment of inertia: no matter moves so."""
+    for body in tree.bodies:
+        moments = np.linalg.eigvalsh(body.inertia.about_own_centre)
+        # The sums and Steiner terms of a lumped body leave a few roundings of Θ about O.
+        if moments[0] < -64 * EPS * np.trace(abs(body.inertia.tensor)):
+            name, values = mechanism.links[body.link].name, ", ".join(f"{m:.6g}" for m in moments)
+            raise ModelError(
+                f"the body of link {name!r} has the principal moments of inertia {values}: no matter has a negative one. "
+                "Correct its <inertial> and those of the links fixed to it"
+            )
+
+
+def refuse_massless(mechanism: Mechanism, tree: Tree) -> None:
+    """ModelError where a joint moves nothing that has mass: the motion is undetermined whatever the state."""
+    heavy = [not body.inertia.is_zero for body in tree.bodies]
+    for i in reversed(range(len(tree.bodies))):
+        if (p := tree.bodies[i].parent) >= 0:
+            heavy[p] = heavy[p] or heavy[i]
+    light = [mechanism.joints[b.link].name for b, h in zip(tree.bodies, heavy, strict=True) if b.joint.nv and not h]
+    if light:
+        raise ModelError(
+            f"the motion of robot {mechanism.name!r} is undetermined: the links moved by {', '.join(map(repr, light))} have no mass. "
+            f"Give one of them an <inertial>, or lock the joint: rd.load(…, locked={{{light[0]!r}: 0.0}})"
+        )
+
+
+def refuse_undetermined(mechanism: Mechanism, tree: Tree, solution: Solution) -> None:
+    """ModelError where a freedom showed no inertia, or an acceleration is not finite; it names the joint and the state."""
+    pivots, scales = solution.pivots.astype(float), solution.scales.astype(float)
+    lost = ~(pivots > margin(mechanism.nv) * abs(scales))
+    if lost.any():
+        refuse_massless(mechanism, tree)
+        index = tuple(int(i) for i in np.argwhere(lost)[0])
+        raise ModelError(
+            f"joint {_joint(mechanism, index[-1])!r} of robot {mechanism.name!r} has no inertia to accelerate{_at(index[:-1])}: "
+            f"its pivot is {pivots[index]:.3g} of {scales[index]:.3g}. Give the links beyond it mass off its axis, or lock it"
+        )
+    bad = np.argwhere(~np.isfinite(solution.vdot.astype(float)))
+    if len(bad):
+        index = tuple(int(i) for i in bad[0])
+        raise ModelError(
+            f"the acceleration of joint {_joint(mechanism, index[-1])!r} is not finite{_at(index[:-1])}: "
+            "velocities or forces are too large for float64"
+        )
+
+
+def _joint(mechanism: Mechanism, column: int) -> str:
+    """The joint that owns a column of v."""
+    return next(mechanism.joints[i].name for i in mechanism.owners if mechanism.v_slices[i].start <= column < mechanism.v_slices[i].stop)
+
+
+def _at(index: tuple[int, ...]) -> str:
+    return f" in state [{', '.join(map(str, index))}]" if index else ""

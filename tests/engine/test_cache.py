@@ -1,0 +1,115 @@
+"""The cache of compiled kernels."""
+
+import os
+import stat
+
+import numpy as np
+import pytest
+
+from robodyn.engine import cache, kernel as kernels
+from robodyn.engine.graph import Graph
+from robodyn.engine.program import program
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    path = tmp_path / "cache"
+    monkeypatch.setenv(cache.VARIABLE, str(path))
+    return path
+
+
+def make(factor):
+    graph = Graph()
+    x = graph.inputs("x", (1,))
+    return kernels.Kernel(program(graph, {"x": 1}, {"y": x * factor}))
+
+
+def value(factor):
+    return make(factor)((1,), {"x": np.array([2.0])})[0]["y"].item()
+
+
+def test_an_entry_is_written_once_and_used(folder, monkeypatch):
+    assert value(3.0) == 6.0
+    assert cache.usage()[0] == 1
+    monkeypatch.setattr(kernels, "object_code", lambda ir: pytest.fail("compiled again"))
+    assert value(3.0) == 6.0
+
+
+def test_what_shapes_the_code_is_in_the_key(folder, monkeypatch):
+    value(3.0)
+    value(4.0)
+    assert cache.usage()[0] == 2
+    monkeypatch.setattr(kernels, "cpu", lambda: ("another", "+cpu"))
+    assert value(3.0) == 6.0
+    assert cache.usage()[0] == 3
+    monkeypatch.setattr(kernels, "OPTIONS", "others")
+    value(3.0)
+    assert cache.usage()[0] == 4
+
+
+def test_entries_are_private(folder):
+    value(3.0)
+    assert stat.S_IMODE(folder.stat().st_mode) == 0o700
+    assert all(stat.S_IMODE(file.stat().st_mode) == 0o600 for file in folder.iterdir())
+
+
+@pytest.mark.parametrize(
+    "damage", [lambda b: b[: len(b) // 2], lambda b: b"", lambda b: b[:-1] + bytes([b[-1] ^ 1]), lambda b: b"x" * len(b)]
+)
+def test_a_damaged_entry_is_compiled_anew(folder, damage):
+    value(3.0)
+    (file,) = folder.iterdir()
+    whole = file.read_bytes()
+    file.write_bytes(damage(whole))
+    assert value(3.0) == 6.0
+    assert file.read_bytes() == whole
+
+
+def test_an_entry_under_another_name_is_foreign(folder):
+    value(3.0)
+    (first,) = folder.iterdir()
+    content = first.read_bytes()
+    value(4.0)
+    second = next(file for file in folder.iterdir() if file != first)
+    second.write_bytes(content)
+    assert value(4.0) == 8.0
+
+
+def test_a_folder_that_others_can_write_is_not_trusted(folder):
+    folder.mkdir()
+    os.chmod(folder, 0o777)
+    assert cache.folder() is None
+    assert value(3.0) == 6.0
+    assert not list(folder.iterdir())
+
+
+def test_off(monkeypatch, tmp_path):
+    monkeypatch.setenv(cache.VARIABLE, "off")
+    assert cache.folder() is None
+    assert value(3.0) == 6.0
+
+
+def test_a_folder_that_cannot_be_made_is_no_cache(tmp_path, monkeypatch):
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv(cache.VARIABLE, str(tmp_path / "file" / "cache"))
+    assert value(3.0) == 6.0
+
+
+def test_the_cache_is_bounded_and_drops_what_was_used_longest_ago(folder, monkeypatch):
+    monkeypatch.setattr(cache, "LIMIT", 3000)
+    names = [cache.key(str(i)) for i in range(6)]
+    for i, name in enumerate(names):
+        cache.put(name, bytes(900))
+        if (folder / name).exists():
+            os.utime(folder / name, (i, i))
+    assert cache.usage()[1] <= 3000
+    assert cache.get(names[5]) == bytes(900)
+    assert cache.get(names[0]) is None
+
+
+def test_clear(folder):
+    value(3.0)
+    value(4.0)
+    number, size = cache.clear()
+    assert (number, size > 0) == (2, True)
+    assert cache.usage() == (0, 0)

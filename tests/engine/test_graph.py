@@ -1,0 +1,120 @@
+"""Tracing, folding and fusing."""
+
+from collections import Counter
+
+import numpy as np
+import pytest
+
+from robodyn.engine.graph import Graph, Scalar
+from robodyn.engine.kernel import Kernel
+from robodyn.engine.program import program
+
+
+@pytest.fixture
+def xy():
+    graph = Graph()
+    return graph, *graph.inputs("x", (2,))
+
+
+def test_the_same_operation_is_one_node(xy):
+    graph, x, y = xy
+    assert (x + y).number == (y + x).number
+    assert (x * y).number == (y * x).number
+    assert (x - y).number == (-(y - x)).number
+    assert (x * -2.0).number == (-(x * 2.0)).number
+    assert (x - y).number != (y - x).number
+
+
+@pytest.mark.parametrize(
+    "fold",
+    [
+        lambda x, y: (x + 0.0, x),
+        lambda x, y: (0.0 + x, x),
+        lambda x, y: (x - 0.0, x),
+        lambda x, y: (0.0 - x, -x),
+        lambda x, y: (x * 1.0, x),
+        lambda x, y: (x * -1.0, -x),
+        lambda x, y: (x / 1.0, x),
+        lambda x, y: (x - x, 0.0),
+        lambda x, y: (x * 0.0, 0.0),
+        lambda x, y: (0.0 / x, 0.0),
+        lambda x, y: (-(-x), x),
+        lambda x, y: (x + (-y), x - y),
+        lambda x, y: ((-x) + y, y - x),
+        lambda x, y: (x - (-y), x + y),
+        lambda x, y: ((-x) - y, -(x + y)),
+        lambda x, y: ((-x) * y, -(x * y)),
+        lambda x, y: ((-x) * (-y), x * y),
+        lambda x, y: ((-x) / (-y), x / y),
+        lambda x, y: ((-x).sin(), -(x.sin())),
+        lambda x, y: ((-x).cos(), x.cos()),
+        lambda x, y: (abs(-x), abs(x)),
+    ],
+)
+def test_folds(xy, fold):
+    graph, x, y = xy
+    found, expected = fold(x, y)
+    assert graph.lift(found).number == graph.lift(expected).number
+
+
+def test_folds_are_true_of_numbers():
+    """Random expressions of the foldable operations: the traced kernel computes what floats compute, up to fused roundings."""
+    rng = np.random.default_rng(0)
+    for _ in range(60):
+        graph = Graph()
+        values = rng.normal(size=3)
+        traced, floats = list(graph.inputs("x", (3,))), list(values)
+        traced += [0.0, 1.0, -1.0, -0.0]
+        floats += [0.0, 1.0, -1.0, -0.0]
+        for _ in range(30):
+            i, j = rng.integers(len(traced), size=2)
+            operation = rng.integers(5)
+            if operation == 4 and not isinstance(traced[i], Scalar):
+                continue
+            results = []
+            for pool in (traced, floats):
+                a, b = pool[i], pool[j]
+                results.append((a + b, a - b, a * b, -a, np.sin(a) if isinstance(a, float) else a.sin())[operation])
+            traced.append(results[0])
+            floats.append(float(results[1]))
+        kernel = Kernel(program(graph, {"x": 3}, {"y": np.array(traced, dtype=object)}))
+        found, bad = kernel((1,), {"x": values})
+        assert bad == -1
+        assert np.allclose(found["y"][0], floats, rtol=1e-13, atol=1e-13 * max(1, max(map(abs, floats))))
+
+
+def test_products_are_fused_where_they_vanish(xy):
+    graph, x, y = xy
+    product = x * y
+    code = program(graph, {"x": 2}, {"z": np.array([product + x, product - y, x - product], dtype=object)}).instructions
+    assert Counter(op for op, *_ in code)["mul"] == 0
+    assert {op for op, *_ in code} == {"in", "fma", "fms", "fnma"}
+    # A product that is needed itself stays, and is not computed twice.
+    code = program(graph, {"x": 2}, {"z": np.array([product + x, product], dtype=object)}).instructions
+    assert Counter(op for op, *_ in code) == {"in": 2, "mul": 1, "add": 1}
+
+
+def test_what_no_output_needs_is_gone(xy):
+    graph, x, y = xy
+    (x * y).sin()
+    assert len(program(graph, {"x": 2}, {"z": np.array([x + y], dtype=object)}).instructions) == 3
+
+
+def test_a_branch_on_a_traced_number_is_refused(xy):
+    _, x, _ = xy
+    with pytest.raises(TypeError, match="truth value"):
+        if x:
+            pass
+
+
+def test_guards_and_what_is_not_finite_are_reported():
+    graph = Graph()
+    x = graph.inputs("x", (1,))
+    kernel = Kernel(program(graph, {"x": 1}, {"y": 1.0 / x}, [x[0]]))
+    xs = np.ones((100, 1))
+    assert kernel((100,), {"x": xs})[1] == -1
+    xs[70] = -1.0
+    assert 63 <= kernel((100,), {"x": xs})[1] <= 70
+    xs[70] = 0.0
+    assert kernel((100,), {"x": xs})[1] >= 0
+    assert kernel((1,), {"x": xs[70]})[1] == 0
