@@ -22,7 +22,9 @@ _PUBLIC = {
     "Scene": "scene",
     "Reactions": "formalism.reactions",
     "simulate": "simulation",
+    "simulate_many": "simulation",
     "Trajectory": "simulation",
+    "Trajectories": "simulation",
     "loads": "loads",
     **dict.fromkeys(("ControlLaw", "JointDamping", "JointForce", "JointFriction", "JointSpring", "LinkWrench"), "loads"),
     **dict.fromkeys(
@@ -41,7 +43,7 @@ if TYPE_CHECKING:
     from .random import random_robot
     from .robot import Robot, load
     from .scene import Scene
-    from .simulation import Trajectory, simulate
+    from .simulation import Trajectories, Trajectory, simulate, simulate_many
 
 
 def __getattr__(name: str) -> object:

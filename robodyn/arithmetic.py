@@ -94,6 +94,11 @@ def exact(x: Any) -> Any:
     return np.frompyfunc(lambda a: mpf(a) if isinstance(a, float) else mpf(float(a)), 1, 1)(np.asarray(x, dtype=float))
 
 
+def is_exact(x: Array) -> bool:
+    """Whether an array holds mpmath numbers."""
+    return x.dtype == object and any(isinstance(e, mpmath().mpf) for e in x.flat)
+
+
 def orthonormal(R: Array) -> Array:
     """The rotation nearest to a matrix that is one up to rounding, to the last digit of its own arithmetic.
 

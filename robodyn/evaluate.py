@@ -5,6 +5,8 @@ The only place that knows both the equations and the engine.
 
 import threading
 from collections.abc import Mapping
+from dataclasses import replace
+from functools import cached_property
 from importlib.util import find_spec
 
 import numpy as np
@@ -14,15 +16,18 @@ from .arithmetic import Array, precision
 from .engine.graph import Graph
 from .engine.kernel import Kernel
 from .engine.program import Program, program
-from .equations import SADDLES, Views
+from .equations import SADDLES, SWEEPS, Views
 from .errors import ModelError
 from .loads import Load
 from .model import Mechanism
-from .questions import Answer, Evolution, Question
+from .questions import Answer, Evolution, ForwardDynamics, Question
 from .trust import margin, refuse_impossible, refuse_massless, refuse_undetermined
 
 BACKENDS = ("native", "numpy", "mpmath")
 DEFAULT = "native" if find_spec("llvmlite") else "numpy"
+
+
+_NOW, _ZERO = 0.0, np.zeros(1)  # the time where none is given
 
 
 class Evaluator:
@@ -40,14 +45,16 @@ class Evaluator:
         return self._views["mpmath" if backend == "mpmath" else "numpy"]
 
     def ask(
-        self, question: Question, backend: str = DEFAULT, *, t: Array | float = 0.0, threads: int | None = None, **arrays: object
+        self, question: Question, backend: str = DEFAULT, *, t: Array | float = _NOW, threads: int | None = None, **arrays: object
     ) -> dict[str, Array]:
         """The arrays of the answer, with the leading dimensions that the given arrays have together; None stands for zeros."""
         inputs.choice("backend", backend, BACKENDS)
         native = backend == "native" and getattr(question, "formalism", "") not in SADDLES  # oracles choose pivots: no kernel can
         if native:
             batch, quick = inputs.quick(self.robot, arrays)
-            values, bad = self.kernel(question)(batch, {**quick, "t": np.asarray(t, dtype=float)[..., None]}, threads)
+            values, bad = self.kernel(question)(
+                batch, {**quick, "t": _ZERO if t is _NOW else np.asarray(t, dtype=float)[..., None]}, threads
+            )
             if bad < 0:
                 shapes = question.shapes(self.robot)
                 return {name: x.reshape(batch + shapes[name]) for name, x in values.items()}
@@ -83,8 +90,24 @@ class Evaluator:
                 if question not in self._kernels:
                     if hasattr(question, "formalism"):
                         refuse_impossible(self.robot, self.views().lumped.tree)
-                    self._kernels[question] = Kernel(self._traced(question))
+                    self._kernels[question] = Kernel(self._traced(self._decided(question)))
         return self._kernels[question]
+
+    def _decided(self, question: Question) -> Question:
+        """The question with "auto" replaced by the formalism of the fewest operations."""
+        automatic = getattr(question, "formalism", "") == "auto"
+        return replace(question, formalism=self.cheapest) if automatic else question  # type: ignore[call-arg]
+
+    @cached_property
+    def operations(self) -> dict[str, int]:
+        """Floating-point operations of forward dynamics by each formalism that can be traced."""
+        routes = ["nonrecursive"] if self.views().lumped.tree.has_mimic else list(SWEEPS)
+        return {route: self._traced(ForwardDynamics(route)).operations for route in routes}
+
+    @cached_property
+    def cheapest(self) -> str:
+        """The formalism of the fewest operations for this scene."""
+        return min(self.operations, key=lambda route: self.operations[route])
 
     def _traced(self, question: Question) -> Program:
         """The question, asked of symbols."""
@@ -109,7 +132,7 @@ class Evaluator:
         sizes = {"t": 1, "x": nq + nv + 1} | ({"h": 1} if semi_implicit else {})
         arrays = {name: graph.inputs(name, (n,)) for name, n in sizes.items()}
         q, v = arrays["x"][:nq], arrays["x"][nq : nq + nv]
-        answer = Evolution(formalism).answer(self.views(), arrays["t"][0], q, v, np.zeros(nv))
+        answer = Evolution(self.cheapest if formalism == "auto" else formalism).answer(self.views(), arrays["t"][0], q, v, np.zeros(nv))
         qdot, vdot, power = (np.asarray(answer.values[name]) for name in ("qdot", "vdot", "power"))
         if semi_implicit:
             qdot = self.views().lumped.rate(q, v + vdot * arrays["h"])

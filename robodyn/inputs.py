@@ -64,13 +64,15 @@ def checked(robot: Mechanism, arrays: Mapping[str, object], *, objects: bool = F
 
 def quick(robot: Mechanism, arrays: Mapping[str, object]) -> tuple[tuple[int, ...], dict[str, Array]]:
     """The leading dimensions and the arrays of a question, checked but for their values: the kernel looks at those."""
-    found = {}
+    found, batches = {}, set()
     for name, value in arrays.items():
-        x = np.zeros(size(robot, name)) if value is None else np.asarray(value)
-        if x.dtype.kind not in "fiu" or x.shape[-1:] != (size(robot, name),):
+        n = size(robot, name)
+        x = np.zeros(n) if value is None else np.asarray(value)
+        if x.dtype.kind not in "fiu" or x.shape[-1:] != (n,):
             checked(robot, arrays)  # says what is wrong
         found[name] = x
-    return broadcast(**found), found
+        batches.add(x.shape[:-1])
+    return batches.pop() if len(batches) == 1 else broadcast(**found), found
 
 
 def broadcast(**arrays: Array) -> tuple[int, ...]:

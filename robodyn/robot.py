@@ -4,11 +4,17 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields
 from functools import cached_property
+from types import MethodType
 from typing import Self
 
+import numpy as np
+
 from .arithmetic import Array
+from .engine import fastcall
+from .evaluate import DEFAULT
 from .formalism.reactions import Reactions
 from .model import Mechanism
+from .questions import ForwardDynamics, InverseDynamics, Question
 from .scene import EARTH, Scene
 
 
@@ -42,6 +48,19 @@ class Robot(Mechanism):
         """The robot with a mechanism's data."""
         return cls(**{f.name: getattr(mechanism, f.name) for f in fields(mechanism)})
 
+    def _hasten(self, name: str, question: Question, arrays: tuple[str, ...], optional: int = 0) -> None:
+        """From now on, answer plain calls of a method by a built-in function: the instance's attribute stands before the class's."""
+        if name not in self.__dict__ and DEFAULT == "native" and fastcall.supported():
+            kernel = self._on_earth.evaluator.kernel(question)
+            function, kept = fastcall.bind(kernel, arrays, MethodType(getattr(type(self), name), self), optional=optional)
+            self.__dict__.update({name: function, f"_kept_for_{name}": kept})
+
+    def __getstate__(self) -> dict[str, object]:
+        return {f.name: getattr(self, f.name) for f in fields(self)}
+
+    def __setstate__(self, state: dict[str, object]) -> None:
+        self.__dict__.update(state)
+
     @cached_property
     def _on_earth(self) -> Scene:
         return Scene(self, declared=False)
@@ -51,10 +70,14 @@ class Robot(Mechanism):
 
     def forward_dynamics(self, q, v, tau=None, *, gravity: Array | Sequence[float] = EARTH, **options) -> Array:
         """η̇ (..., nv) under the joint forces tau (..., nv) [N m, N]; see `Scene.forward_dynamics`."""
+        if not options and gravity is EARTH and np.ndim(q) == 1:
+            self._hasten("forward_dynamics", ForwardDynamics("auto"), ("q", "v", "tau"), optional=1)
         return self._bare(gravity).forward_dynamics(q, v, tau, **options)
 
     def inverse_dynamics(self, q, v, a, *, gravity: Array | Sequence[float] = EARTH, **options) -> Array:
         """tau (..., nv) [N m, N] for the acceleration a (..., nv); see `Scene.inverse_dynamics`."""
+        if not options and gravity is EARTH and np.ndim(q) == 1:
+            self._hasten("inverse_dynamics", InverseDynamics(), ("q", "v", "a"))
         return self._bare(gravity).inverse_dynamics(q, v, a, **options)
 
     def bias_forces(self, q, v, *, gravity: Array | Sequence[float] = EARTH, **options) -> Array:

@@ -69,3 +69,7 @@ class Loaded:
     def function(self, name: str, *types: Any, result: Any = ctypes.c_int64) -> Any:
         """A C function of the object file."""
         return ctypes.CFUNCTYPE(result, *types)(self._engine.get_function_address(name))
+
+    def address(self, name: str) -> int:
+        """Where a function or a global variable lies."""
+        return self._engine.get_function_address(name) or self._engine.get_global_value_address(name)

@@ -50,7 +50,7 @@ def prologue(t: Type, *programs: Program) -> Iterator[str]:
 
 
 def module(program: Program, lanes: int) -> str:
-    """IR text with `i64 @run(ptr in…, i64 stride…, ptr out…, i64 count)`.
+    """IR text with `i64 @run(ptr in…, i64 stride…, ptr out…, i64 count)`, for a count of 0, or of at least `lanes`.
 
     in: one pointer per input, to rows of doubles, `stride` doubles apart (0: one row for all); out: rows without gaps. Returns the
     first row of the first block in which an input or output is not finite or a guard not positive, or −1.
@@ -161,20 +161,22 @@ def _run(part: Part, t: Type) -> Iterator[str]:
     yield f"define i64 @run({', '.join(arguments)}, i64 %count) nounwind {{"
     yield "entry:"
     yield f"  %slots = alloca {F}, i64 {len(slots)}, align {8 * L}"
-    yield "  %last = sub i64 %count, 1"
+    yield f"  %last = sub i64 %count, {L}"
+    for k in range(len(program.inputs)):
+        for i in range(1, L):
+            yield f"  %far{k}_{i} = mul i64 %stride{k}, {i}"
     yield "  %none = icmp slt i64 %last, 0"
     yield "  br i1 %none, label %good, label %loop"
     yield "loop:"
     yield "  %row = phi i64 [0, %entry], [%next, %step]"
-    # Rows of this block; beyond the end the last row again, which then is computed and written twice, alike.
-    for i in range(L):
-        yield f"  %r{i}u = add i64 %row, {i}"
-        yield f"  %r{i} = call i64 @llvm.smin.i64(i64 %r{i}u, i64 %last)"
+    # The last block ends with the last row: it may compute rows of the one before again, and writes the same.
+    yield "  %first = call i64 @llvm.smin.i64(i64 %row, i64 %last)"
     finite = t.constant(0.0)
     for k, (name, size) in enumerate(program.inputs.items()):
-        for i in range(L):
-            yield f"  %o{k}_{i} = mul i64 %r{i}, %stride{k}"
-            yield f"  %i{k}_{i} = getelementptr double, ptr %in{k}, i64 %o{k}_{i}"
+        yield f"  %o{k} = mul i64 %first, %stride{k}"
+        yield f"  %i{k}_0 = getelementptr double, ptr %in{k}, i64 %o{k}"
+        for i in range(1, L):
+            yield f"  %i{k}_{i} = getelementptr double, ptr %i{k}_0, i64 %far{k}_{i}"
         columns, text = _columns(t, f"i{k}", [f"%i{k}_{i}" for i in range(L)], size)
         yield from text
         for j, value in enumerate(columns):
@@ -194,9 +196,10 @@ def _run(part: Part, t: Type) -> Iterator[str]:
             yield f"  %ga{n} = and {t.bool} %gc{n}, {ok}"
         ok = f"%ga{n}" if ok is not None else f"%gc{n}"
     for k, (name, values) in enumerate(program.outputs.items()):
-        for i in range(L):
-            yield f"  %u{k}_{i} = mul i64 %r{i}, {len(values)}"
-            yield f"  %w{k}_{i} = getelementptr double, ptr %out{k}, i64 %u{k}_{i}"
+        yield f"  %u{k} = mul i64 %first, {len(values)}"
+        yield f"  %w{k}_0 = getelementptr double, ptr %out{k}, i64 %u{k}"
+        for i in range(1, L):
+            yield f"  %w{k}_{i} = getelementptr double, ptr %w{k}_0, i64 {i * len(values)}"
         columns = []
         for j in range(len(values)):
             yield f"  %op{k}_{j} = getelementptr {F}, ptr %slots, i64 {slots['out', name, j]}"

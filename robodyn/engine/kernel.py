@@ -4,7 +4,7 @@ import ctypes
 import math
 import os
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -15,7 +15,7 @@ from . import cache, emit
 from .compile import OPTIONS, Loaded, cpu, lanes, llvm, object_code
 from .program import Program
 
-CHUNK = 2048  # rows a thread takes at a time, at least
+WORK = 5_000_000  # instructions times rows that a thread should have to do, about 0.2 ms: handing work over costs a tenth of it
 
 
 class Kernel:
@@ -26,6 +26,7 @@ class Kernel:
 
     def __init__(self, program: Program) -> None:
         self.program = program
+        self._listeners: list[Callable[[Any], None]] = []
         self._functions: dict[int, Any] = {}
         self._lock = threading.Lock()
 
@@ -35,39 +36,51 @@ class Kernel:
         arrays: float64, one per input, (*batch, size) or with leading dimensions that broadcast to the batch.
         """
         n = math.prod(batch)
-        rows = {name: _rows(np.asarray(arrays[name], dtype=float), batch, size) for name, size in self.program.inputs.items()}
-        outputs = {name: np.empty((n, len(values))) for name, values in self.program.outputs.items()}
-        width = 1 if n == 1 else lanes()
-        run = self._function(width)
+        rows = [_rows(arrays[name], batch, size) for name, size in self.program.inputs.items()]
+        outputs = {name: np.empty((*batch, len(values))) for name, values in self.program.outputs.items()}
+        width = lanes() if n >= lanes() else 1
+        run = self._functions.get(width) or self._compiled(width)
+        ins = [(x.ctypes.data, stride) for x, stride in rows]
+        outs = [(out.ctypes.data, out.shape[-1]) for out in outputs.values()]
 
         def part(first: int, last: int) -> int:
-            arguments = []
-            for x, stride in rows.values():
-                arguments += [x.ctypes.data + 8 * stride * first, stride]
-            arguments += [out.ctypes.data + 8 * out.shape[1] * first for out in outputs.values()]
-            bad = run(*arguments, last - first)
+            arguments = [a for pointer, stride in ins for a in (pointer + 8 * stride * first, stride)]
+            bad = run(*arguments, *(pointer + 8 * size * first for pointer, size in outs), last - first)
             return first + bad if bad >= 0 else -1
 
-        workers = min(threads or os.cpu_count() or 1, max(1, n // CHUNK))
-        if workers == 1:
-            bad = part(0, n)
-        else:
-            # Chunks are whole blocks of lanes, so that the last block of each is not computed twice.
-            size = -(-n // (workers * width)) * width
-            parts = _pool(workers).map(part, range(0, n, size), [min(k + size, n) for k in range(0, n, size)])
-            bad = min((b for b in parts if b >= 0), default=-1)
-        return {name: out.reshape(*batch, out.shape[1]) for name, out in outputs.items()}, bad
+        workers = min(threads or os.cpu_count() or 1, n * len(self.program.instructions) // WORK) if n >= 2 * width else 1
+        if workers <= 1:
+            return outputs, part(0, n)
+        # Chunks are whole blocks of lanes; the last takes what is left over.
+        size = n // (workers * width) * width
+        ends = [*range(size, size * workers, size), n]
+        parts = _pool(workers).map(part, range(0, size * workers, size), ends)
+        return outputs, min((b for b in parts if b >= 0), default=-1)
 
-    def _function(self, width: int):
-        if width not in self._functions:
-            with self._lock:
-                if width not in self._functions:
-                    types = [ctypes.c_void_p, ctypes.c_int64] * len(self.program.inputs) + [ctypes.c_void_p] * len(self.program.outputs)
-                    loaded = load(emit.module(self.program, width))
-                    function = loaded.function("run", *types, ctypes.c_int64)
-                    function.owner = loaded  # the code lives as long as the function
-                    self._functions[width] = function
+    def on_vector_code(self, listener: Callable[[Any], None]) -> None:
+        """Be told of the SIMD function: now, or as soon as it is there."""
+        self._listeners.append(listener)
+        for width, function in self._functions.items():
+            if width > 1:
+                listener(function)
+
+    def adopt(self, loaded: Loaded) -> None:
+        """Use the scalar `run` of a module that has it already."""
+        self._functions.setdefault(1, self._function(loaded))
+
+    def _compiled(self, width: int) -> Any:
+        with self._lock:
+            if width not in self._functions:
+                self._functions[width] = self._function(load(emit.module(self.program, width)))
+                for listener in self._listeners if width > 1 else ():
+                    listener(self._functions[width])
         return self._functions[width]
+
+    def _function(self, loaded: Loaded) -> Any:
+        types = [ctypes.c_void_p, ctypes.c_int64] * len(self.program.inputs) + [ctypes.c_void_p] * len(self.program.outputs)
+        function = loaded.function("run", *types, ctypes.c_int64)
+        function.owner = loaded  # the code lives as long as the function
+        return function
 
     def __getstate__(self) -> dict:
         return {"program": self.program}
@@ -89,9 +102,11 @@ def load(ir: str) -> Loaded:
 
 def _rows(x: Array, batch: tuple[int, ...], size: int) -> tuple[Array, int]:
     """x as rows without gaps, and how many doubles lie between them: 0 where one row serves all."""
-    if x.size == size:
-        return np.ascontiguousarray(x.reshape(size)), 0
-    return np.ascontiguousarray(np.broadcast_to(x, (*batch, size))).reshape(-1, size), size
+    if x.shape != (*batch, size):
+        if x.size == size:
+            return np.ascontiguousarray(x, dtype=float), 0
+        x = np.broadcast_to(x, (*batch, size))
+    return np.ascontiguousarray(x, dtype=float), size
 
 
 _pools: dict[int, ThreadPoolExecutor] = {}

@@ -1,11 +1,12 @@
 """Joint forces from a function of time and state."""
 
+import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from ..arithmetic import Array
+from ..arithmetic import Array, is_exact
 from ..errors import InputError, ModelError
 from .base import Load, State
 
@@ -19,9 +20,28 @@ class ControlLaw(Load):
 
     law: Callable[[float, Array, Array], Array]
 
+    def _traced(self, state: State) -> Array:
+        """The law on symbols: NumPy's arithmetic and functions pass, a branch on a value does not."""
+        try:
+            tau = np.asarray(self.law(state.t, state.q, state.v), dtype=object)  # type: ignore[arg-type]
+        except Exception as error:
+            own = getattr(getattr(self.law, "__code__", None), "co_filename", None)
+            frames = [f for f in traceback.extract_tb(error.__traceback__) if f.filename == own]
+            where = f" at {frames[-1].filename}:{frames[-1].lineno}, `{frames[-1].line}`" if frames else ""
+            raise InputError(
+                f"the control law cannot be compiled{where}: {error}. Write it with arithmetic and NumPy functions such as np.tanh, "
+                "without branches on values; or run it uncompiled with backend='numpy'"
+            ) from error
+        if tau.shape != (state.mechanism.nv,):
+            raise InputError(f"the control law returned an array of shape {tau.shape}: it must be ({state.mechanism.nv},)")
+        return tau
+
     def joint_forces(self, state: State) -> Mapping[int, Array]:
-        if state.q.dtype == object:
+        if is_exact(state.q):
             raise ModelError("a ControlLaw is a Python function of float64 arrays: it cannot run with backend='mpmath'")
+        if state.q.dtype == object:
+            tau = self._traced(state)
+            return {i: tau[state.mechanism.v_slices[i]] for i in state.mechanism.owners}
         nv, batch = state.mechanism.nv, np.broadcast_shapes(np.shape(state.t), state.q.shape[:-1], state.v.shape[:-1])
         t, q, v = np.broadcast_to(state.t, batch), state.q, state.v
         q, v = (np.broadcast_to(x, (*batch, x.shape[-1])) for x in (q, v))

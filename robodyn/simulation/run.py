@@ -59,13 +59,13 @@ def simulate(
     inputs.choice("method", method, tuple(METHODS))
     inputs.choice("formalism", formalism, FORMALISMS)
     inputs.choice("backend", backend, BACKENDS[:2])
-    t0, t_end, rtol, dt = (_number(k, x) for k, x in (("t0", t0), ("t_end", t_end), ("rtol", rtol), ("dt", dt)))
-    atol = rtol if atol is None else _number("atol", atol)
+    t0, t_end, rtol, dt = (number(k, x) for k, x in (("t0", t0), ("t_end", t_end), ("rtol", rtol), ("dt", dt)))
+    atol = rtol if atol is None else number("atol", atol)
     if not t_end > t0:
         raise InputError(f"t_end={t_end} must be later than t0={t0}")
     if min(rtol, atol, dt) <= 0 or rtol < 1e-13:
         raise InputError(f"rtol={rtol:g}, atol={atol:g} and dt={dt:g} must be positive, rtol at least 1e-13: float64 resolves no more")
-    wanted = _output_times(t0, t_end, fps, times)
+    wanted = output_times(t0, t_end, fps, times)
 
     # The initial state, and whether it can move at all.
     state = inputs.checked(scene.robot, {"q": scene.robot.neutral() if q0 is None else q0, "v": v0})
@@ -212,7 +212,8 @@ def _finished(scene: Scene, found: Found, formalism: str, backend: str, stats: d
     return Trajectory(scene=scene, t=t, q=q, v=v, a=got["vdot"], u=got["u"], work=work, stats=stats)
 
 
-def _number(name: str, value: object) -> float:
+def number(name: str, value: object) -> float:
+    """A finite number."""
     try:
         number = float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError):
@@ -222,7 +223,7 @@ def _number(name: str, value: object) -> float:
     return number
 
 
-def _output_times(t0: float, t_end: float, fps: float | None, times: Sequence[float] | Array | None) -> Array | None:
+def output_times(t0: float, t_end: float, fps: float | None, times: Sequence[float] | Array | None) -> Array | None:
     """Ascending times with t_end as the last; None: every step."""
     if times is not None:
         t = inputs.array("times", times, np.size(times), "one entry per time")
@@ -231,7 +232,7 @@ def _output_times(t0: float, t_end: float, fps: float | None, times: Sequence[fl
         return t if t[-1] == t_end else np.append(t, t_end)
     if fps is None:
         return None
-    if not _number("fps", fps) > 0:
+    if not number("fps", fps) > 0:
         raise InputError(f"fps={fps} must be positive, or None for every step")
     frames = np.arange(int(np.ceil((t_end - t0) * fps * (1 - 1e-12)))) / fps + t0
     return np.append(frames, t_end)

@@ -1,0 +1,111 @@
+"""`simulate_many`: N trajectories of one scene at a time, in SIMD lanes and threads."""
+
+import os
+import time
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from .. import inputs
+from ..arithmetic import Array
+from ..engine.compile import lanes
+from ..engine.integrate import DONE
+from ..equations import FORMALISMS, SADDLES
+from ..errors import InputError, SimulationError
+from ..model import Mechanism
+from ..questions import Result
+from ..scene import Scene
+from . import native
+from .methods import METHODS
+from .run import number, output_times
+from .trajectory import Trajectory
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectories:
+    """N trajectories at the same times: t (T,) [s], q (N, T, nq), v (N, T, nv), work of the loads (N, T) [J]. `[i]` is a Trajectory."""
+
+    scene: Scene
+    t: Array
+    q: Array
+    v: Array
+    work: Array
+    stats: dict[str, Any] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.q)
+
+    def __getitem__(self, i: int) -> Trajectory:
+        got = self.scene.evaluator.ask(Result(self.stats["formalism"]), t=self.t, q=self.q[i], v=self.v[i], tau=None)
+        return Trajectory(self.scene, self.t, self.q[i], self.v[i], got["vdot"], got["u"], self.work[i], self.stats)
+
+
+def simulate_many(
+    scene: Scene | Mechanism,
+    *,
+    t_end: float,
+    q0: object = None,
+    v0: object = None,
+    t0: float = 0.0,
+    method: str = "rk4",
+    dt: float = 1e-3,
+    fps: float | None = 60.0,
+    times: Sequence[float] | Array | None = None,
+    formalism: str = "auto",
+    threads: int | None = None,
+) -> Trajectories:
+    """Integrate N initial states q0 (N, nq), v0 (N, nv) (either may be one state for all) from t0 to t_end [s] with equal steps.
+
+    method: "rk4" or "semi_implicit_euler", steps of at most dt [s]. Results at fps frames per second, or at `times`; fps=None: the end.
+    Each result has the same bits as `simulate` gives for that state alone. Ctrl-C stops between slices of work and raises.
+    Raises InputError for bad arguments, SimulationError naming the trajectory that cannot go on.
+    """
+    scene = scene if isinstance(scene, Scene) else Scene(scene)
+    names = [name for name, integrator in METHODS.items() if integrator.tableau and not integrator.adaptive]
+    inputs.choice("method", method, names)
+    inputs.choice("formalism", formalism, [f for f in FORMALISMS if f not in SADDLES])
+    t0, t_end, dt = (number(k, x) for k, x in (("t0", t0), ("t_end", t_end), ("dt", dt)))
+    if not t_end > t0 or dt <= 0:
+        raise InputError(f"t_end={t_end} must be later than t0={t0}, and dt={dt} positive")
+    wanted = np.array([t_end]) if fps is None and times is None else output_times(t0, t_end, fps, times)
+    assert wanted is not None
+
+    states = inputs.checked(scene.robot, {"q": scene.robot.neutral() if q0 is None else q0, "v": v0})
+    q, v = (np.atleast_2d(x) for x in states.values())
+    if q.ndim != 2:
+        raise InputError(f"q0 and v0 have the leading dimensions {q.shape[:-1]}: give (N, nq) and (N, nv)")
+    scene.evaluator.ask(Result(formalism), "numpy", t=t0, q=q[:1], v=v[:1], tau=None)
+    x0 = np.hstack([scene.equations().project(q), v, np.zeros((len(q), 1))])
+
+    width = lanes()
+    advance = native.compiled(scene.evaluator, method, formalism, width)
+    settings = {"dt": dt, "rtol": 0.0, "atol": 0.0}
+    found = np.empty((len(q), len(wanted), x0.shape[1]))
+    started = time.perf_counter()
+
+    def block(first: int) -> None:
+        """One vector of trajectories; beyond the last state, the last again."""
+        rows = np.minimum(np.arange(first, first + width), len(q) - 1)
+        run = native.Run(advance, x0[rows].T, t0, t_end, wanted, settings)
+        while (status := run.slice()) != DONE:
+            if status > 1:
+                bad = [int(rows[i]) for i in range(width) if not np.isfinite(run.x[:, i]).all()] or rows.tolist()
+                raise SimulationError(
+                    f"after t={run.t:.9g} s trajectory {bad[0]} stopped being finite, or one of its joints showed no inertia: reduce dt, "
+                    f"or look at q0[{bad[0]}] with `simulate`"
+                )
+        found[rows] = run.results.transpose(2, 0, 1)
+
+    with ThreadPoolExecutor(min(threads or os.cpu_count() or 1, -(-len(q) // width) or 1)) as pool:
+        try:
+            for _ in pool.map(block, range(0, len(q), width)):
+                pass
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
+    nq, nv = scene.robot.nq, scene.robot.nv
+    stats = {"method": method, "formalism": formalism, "dt": dt, "wall_time": time.perf_counter() - started, "completed": True}
+    return Trajectories(scene, wanted, found[..., :nq], found[..., nq : nq + nv], found[..., nq + nv], stats)
