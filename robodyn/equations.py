@@ -14,8 +14,8 @@ from .algebra import dot, homogeneous
 from .arithmetic import Array, dtype_of, exact, precision, zeros
 from .formalism import energy, kinematics
 from .formalism.constraints import coordinate_forces
-from .formalism.ldl import couplings
-from .formalism.nonrecursive import bias_forces, mass_matrix, nonrecursive
+from .formalism.ldl import couplings, factorise
+from .formalism.nonrecursive import bias_forces, composites, mass_matrix, nonrecursive, sizes
 from .formalism.reactions import joint_wrenches, reactions
 from .formalism.recursive import recursive
 from .formalism.saddle import saddle_body, saddle_joint
@@ -59,20 +59,26 @@ class Equations:
             u[..., mechanism.u_slices[i]] = tau[..., mechanism.v_slices[i]]
             power = power + dot(tau[..., mechanism.v_slices[i]], state.velocity(i))
 
-        wrenches: dict[int, Array] = {}
         for load in self.loads:
             for i, force in load.joint_forces(state).items():
                 u[..., mechanism.u_slices[i]] += force
                 if not load.conservative:
                     power = power + dot(force, state.velocity(i))
             for link, wrench in load.link_wrenches(state).items():
-                if (body := self.tree.link_body[link]) < 0:
-                    continue  # what is fixed to the ground does not feel it
                 if not load.conservative:
                     power = power + dot(wrench, state.twist(link))
-                on_body = wrench_to_parent(state.placement(link), wrench)
-                wrenches[body] = wrenches[body] + on_body if body in wrenches else on_body
-        return Applied(u, self._coordinate_forces(u), wrenches, power)
+        return Applied(u, self._coordinate_forces(u), self.wrenches(t, q, v), power)
+
+    def wrenches(self, t: Array | float, q: Array, v: Array) -> dict[int, Array]:
+        """The loads' wrenches (..., 6) on bodies, by body index, about O_i and resolved in K_i."""
+        state = State(self.mechanism, self.tree, t, q, v)
+        found: dict[int, Array] = {}
+        for load in self.loads:
+            for link, wrench in load.link_wrenches(state).items():
+                if (body := self.tree.link_body[link]) >= 0:  # what is fixed to the ground does not feel it
+                    on_body = wrench_to_parent(state.placement(link), wrench)
+                    found[body] = found[body] + on_body if body in found else on_body
+        return found
 
     def _coordinate_forces(self, u: Array) -> Array:
         mechanism = self.mechanism
@@ -93,7 +99,11 @@ class Equations:
         if formalism in SWEEPS:
             return SWEEPS[formalism](self.tree, q, v, acts.tau, acts.wrenches, self.gravity)
         _, _, vdot = SADDLES[formalism](self.tree, q, v, acts.u, acts.wrenches, self.gravity)
-        return Solution(vdot, vdot * 0.0 + 1.0, vdot * 0.0 + 1.0)
+        # Pivoting hides what is singular; the pivots of M̂ tell.
+        state = kinematics.motion(self.tree, q, v)
+        inertias = composites(self.tree, state)
+        _, pivots, _ = factorise(mass_matrix(self.tree, state, inertias, dtype_of(q)), couplings(self.tree))
+        return Solution.stack([vdot[..., i] for i in range(self.tree.nv)], pivots, sizes(self.tree, state, inertias))
 
     @cached_property
     def cheapest(self) -> str:
@@ -123,17 +133,20 @@ class Equations:
 
     def mass_matrix(self, q: Array) -> Array:
         """M̂ (..., nv, nv)."""
-        return mass_matrix(self.tree, kinematics.motion(self.tree, q, np.zeros(self.tree.nv)), dtype_of(q))
+        state = kinematics.motion(self.tree, q, np.zeros(self.tree.nv))
+        return mass_matrix(self.tree, state, composites(self.tree, state), dtype_of(q))
 
     def bias(self, q: Array, v: Array, wrenches: dict[int, Array]) -> Array:
         """−k̂ᶜ − k̂ᵗ (..., nv): what inverse dynamics gives at η̇ = 0."""
         return bias_forces(self.tree, kinematics.motion(self.tree, q, v), wrenches, self.gravity)
 
-    def reactions(self, q: Array, v: Array, vdot: Array, acts: Applied, frame: str, part: str, joints: tuple[int, ...]) -> Array:
-        """Wrenches (..., n, 6) of the joints with these indices; `self.tree` must be open at each."""
+    def reactions(
+        self, t: Array | float, q: Array, v: Array, vdot: Array, u: Array, frame: str, part: str, joints: tuple[int, ...]
+    ) -> Array:
+        """Wrenches (..., n, 6) of the joints with these indices at η̇ and joint forces u (..., nu); `self.tree` must be open at each."""
         state = kinematics.motion(self.tree, q, v)
-        total = joint_wrenches(self.tree, state, vdot, acts.wrenches, self.gravity)
-        return reactions(self.mechanism, self.tree, state, q, total, acts.u, frame=frame, part=part, joints=joints)
+        total = joint_wrenches(self.tree, state, vdot, self.wrenches(t, q, v), self.gravity)
+        return reactions(self.mechanism, self.tree, state, q, total, u, frame=frame, part=part, joints=joints)
 
     # --- energies, places ---
 

@@ -16,6 +16,12 @@ class ModelError(RobodynError):
     """A robot whose motion or forces are undetermined, or a name the robot does not have."""
 
 
+class UnknownNameError(ModelError, KeyError):
+    """A name that the robot, or a result, does not have."""
+
+    __str__ = Exception.__str__  # KeyError would quote the message
+
+
 class InputError(RobodynError, ValueError):
     """An argument of the wrong shape, type or value."""
 

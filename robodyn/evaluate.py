@@ -49,22 +49,31 @@ class Evaluator:
     ) -> dict[str, Array]:
         """The arrays of the answer, with the leading dimensions that the given arrays have together; None stands for zeros."""
         inputs.choice("backend", backend, BACKENDS)
-        native = backend == "native" and getattr(question, "formalism", "") not in SADDLES  # oracles choose pivots: no kernel can
-        if native:
-            batch, quick = inputs.quick(self.robot, arrays)
-            values, bad = self.kernel(question)(
-                batch, {**quick, "t": _ZERO if t is _NOW else np.asarray(t, dtype=float)[..., None]}, threads
-            )
-            if bad < 0:
-                shapes = question.shapes(self.robot)
-                return {name: x.reshape(batch + shapes[name]) for name, x in values.items()}
+        # The saddle-point routes are oracles: they choose pivots, which no kernel can.
+        if backend == "native" and getattr(question, "formalism", "") not in SADDLES:
+            answer = self._natively(question, t, threads, arrays)
+            if answer is not None:
+                return answer
         # The readable reference; and what names the cause where a kernel found that something is wrong.
         return self._directly(question, "mpmath" if backend == "mpmath" else "numpy", t, arrays)
+
+    def _natively(self, question: Question, t: Array | float, threads: int | None, arrays: Mapping[str, object]) -> dict[str, Array] | None:
+        """The kernel's answer; None where it is not to be trusted."""
+        batch, quick = inputs.quick(self.robot, arrays)
+        try:
+            kernel = self.kernel(question)
+        except ZeroDivisionError:  # a pivot is zero whatever the state
+            return None
+        values, bad = kernel(batch, {**quick, "t": _ZERO if t is _NOW else np.asarray(t, dtype=float)[..., None]}, threads)
+        if bad >= 0:
+            return None
+        shapes = question.shapes(self.robot)
+        return {name: x.reshape(batch + shapes[name]) for name, x in values.items()}
 
     def _directly(self, question: Question, backend: str, t: Array | float, arrays: Mapping[str, object]) -> dict[str, Array]:
         views = self.views(backend)
         checked = inputs.checked(self.robot, arrays, objects=backend == "mpmath")
-        if "q" in checked:
+        if "q" in checked and question.admissible:
             inputs.unit_quaternions(self.views().lumped.side_conditions(checked["q"]))
         if backend == "mpmath":
             checked = {name: inputs.as_exact(x) for name, x in checked.items()}
@@ -116,7 +125,7 @@ class Evaluator:
         arrays = {name: graph.inputs(name, (n,)) for name, n in sizes.items()}
         t = arrays.pop("t")[0]
         answer = question.answer(self.views(), t, **arrays)
-        guards = guards_of(self.robot, self.views(), answer, arrays.get("q"))
+        guards = guards_of(self.robot, self.views(), answer, arrays.get("q") if question.admissible else None)
         values = {name: np.asarray(x) for name, x in answer.values.items()}
         return program(graph, sizes, values, guards)
 

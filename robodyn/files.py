@@ -1,6 +1,8 @@
 """Writing files whole or not at all."""
 
+import contextlib
 import os
+import stat
 import tempfile
 from pathlib import Path
 
@@ -10,14 +12,14 @@ from .errors import FileError
 def atomic_write(path: str | os.PathLike[str], data: str | bytes, *, mode: int = 0o666) -> None:
     """Write `data` (text as UTF-8) to `path`: readers see the old file or the whole new one, whatever happens in between.
 
-    Raises FileError where the folder is missing or not writable, or the disk is full; the old file then still stands.
+    Raises FileError where the folder is missing or not writable, the disk is full, or `path` is no regular file (a pipe, a device);
+    the old file then still stands.
     """
-    path = Path(path)
+    target = writable(path)
     data = data.encode() if isinstance(data, str) else data
-    target = path.resolve()  # a link stays a link: what it points to is replaced
     temporary = None
     try:
-        handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.", suffix=".part")
+        handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=".robodyn.", suffix=".part")
         with os.fdopen(handle, "wb") as file:
             file.write(data)
             file.flush()
@@ -29,5 +31,22 @@ def atomic_write(path: str | os.PathLike[str], data: str | bytes, *, mode: int =
     except OSError as error:
         raise FileError(f"cannot write {str(path)!r}: {error.strerror or error}. Choose a folder that exists and has room") from error
     finally:
-        if temporary is not None and os.path.exists(temporary):
-            os.unlink(temporary)
+        if temporary is not None:
+            with contextlib.suppress(OSError):  # gone where it became the target
+                os.unlink(temporary)
+
+
+def writable(path: str | os.PathLike[str]) -> Path:
+    """The file that `path` means, links followed; FileError where no file can be there. Ask before a long computation."""
+    try:
+        target = Path(path).resolve()  # a link stays a link: what it points to is replaced
+        if not os.fspath(path) or target.is_dir():
+            raise FileError(f"cannot write {str(path)!r}: it is a folder, not a file")
+        if not target.parent.is_dir():
+            raise FileError(f"cannot write {str(path)!r}: there is no folder {str(target.parent)!r}")
+        with contextlib.suppress(FileNotFoundError):
+            if not stat.S_ISREG(target.stat().st_mode):
+                raise FileError(f"cannot write {str(path)!r}: it is no regular file")
+    except (OSError, ValueError) as error:
+        raise FileError(f"cannot write {str(path)!r}: {error}") from error
+    return target

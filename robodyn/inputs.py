@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from .arithmetic import Array, exact
+from .arithmetic import Array, exact, is_exact
 from .errors import InputError
 from .model import Mechanism
 
@@ -20,8 +20,8 @@ def choice(name: str, value: str, choices: Sequence[str]) -> str:
 
 def array(name: str, value: object, size: int, meaning: str, labels: Sequence[str] = (), *, objects: bool = False) -> Array:
     """`value` as a finite array (..., size); `meaning` says what the last dimension is."""
-    x = np.asarray(value)
-    if x.dtype == object and objects and x.size and not any(isinstance(e, (str, bytes, type(None), complex)) for e in x.flat):
+    x = as_array(name, value)
+    if x.dtype == object and objects and x.size and all(isinstance(e, (int, float)) or is_exact(np.array(e, dtype=object)) for e in x.flat):
         pass  # mpmath numbers stay what they are
     elif x.dtype.kind in "fiu" or x.size == 0:
         x = x.astype(float)
@@ -35,6 +35,14 @@ def array(name: str, value: object, size: int, meaning: str, labels: Sequence[st
         label = f" ({labels[index[-1]]})" if labels else ""
         raise InputError(f"{name}[{', '.join(map(str, index))}]{label} is {x[index]}: every number must be finite")
     return x
+
+
+def as_array(name: str, value: object) -> Array:
+    """`value` as an array; InputError where its rows have different lengths."""
+    try:
+        return np.asarray(value)
+    except ValueError:
+        raise InputError(f"{name} is ragged: its rows have different lengths, and no array can hold them") from None
 
 
 def vector3(name: str, value: object) -> Array:
@@ -67,7 +75,7 @@ def quick(robot: Mechanism, arrays: Mapping[str, object]) -> tuple[tuple[int, ..
     found, batches = {}, set()
     for name, value in arrays.items():
         n = size(robot, name)
-        x = np.zeros(n) if value is None else np.asarray(value)
+        x = np.zeros(n) if value is None else as_array(name, value)
         if x.dtype.kind not in "fiu" or x.shape[-1:] != (n,):
             checked(robot, arrays)  # says what is wrong
         found[name] = x

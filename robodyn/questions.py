@@ -26,11 +26,14 @@ class Question:
     """Base: `needs` names the arrays that `answer` takes beside the time, `shapes` what it returns for one state."""
 
     needs: ClassVar[tuple[str, ...]]
+    admissible: ClassVar[bool] = True  # q must satisfy φ(q) = 0; the stages of an integrator are off by its error
 
     def shapes(self, robot: Mechanism) -> Shapes:
+        """Shape of each array of the answer, for one state."""
         raise NotImplementedError
 
     def answer(self, views: Views, t: Array | float, **arrays: Array) -> Answer:
+        """The arrays at states (..., n) and time t [s], by name."""
         raise NotImplementedError
 
 
@@ -55,6 +58,7 @@ class Evolution(Question):
 
     formalism: str
     needs = ("q", "v", "tau")
+    admissible = False
 
     def shapes(self, robot: Mechanism) -> Shapes:
         return {"qdot": (robot.nq,), "vdot": (robot.nv,), "power": ()}
@@ -141,10 +145,7 @@ class KnownReactions(Question):
         return {"wrenches": (len(self.joints), 6)}
 
     def answer(self, views: Views, t: Array | float, q: Array, v: Array, a: Array, u: Array) -> Answer:  # type: ignore[override]
-        # Wrenches on links that ride on fixed joints act on bodies of their own here.
-        acts = views.opened.applied(t, q, v, zeros((views.opened.tree.nv,), v.dtype))
-        found = views.opened.reactions(q, v, a, acts._replace(u=u), self.frame, self.part, self.joints)
-        return Answer({"wrenches": found})
+        return Answer({"wrenches": views.opened.reactions(t, q, v, a, u, self.frame, self.part, self.joints)})
 
 
 @dataclass(frozen=True)

@@ -29,10 +29,12 @@ def random_robot(
     Inertias are generic: three different principal moments that satisfy the triangle inequality, about axes askew to the link's,
     and a centre of mass away from the origin. Lengths are about 0.3 m, masses 0.5 to 3 kg.
     """
-    if n < 0 or not 0 <= branching <= 1:
-        raise InputError(f"random_robot needs n ≥ 0 and 0 ≤ branching ≤ 1, not n={n}, branching={branching}")
+    if n < 0 or not 0 <= branching <= 1 or not 0 <= (fixed or 0) <= 1:
+        raise InputError(f"random_robot needs n ≥ 0, 0 ≤ branching ≤ 1 and 0 ≤ fixed ≤ 1, not n={n}, branching={branching}, fixed={fixed}")
     if unknown := set(joint_types) - set(JOINT_TYPES):
         raise InputError(f"joint_types names {sorted(unknown)}: known are {', '.join(JOINT_TYPES)}")
+    if not joint_types or (fixed is not None and fixed < 1 and set(joint_types) == {"fixed"}):
+        raise InputError(f"joint_types={joint_types!r} leaves nothing to draw: name at least one joint type that moves")
     moving = [kind for kind in joint_types if kind != "fixed"]
     links, joints = [Link("link_0", _inertia(rng))], [Joint(GROUND, Free() if floating_base else Fixed(), -1)]
     parents, children = [-1], [[] for _ in range(n + 1)]

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from . import model
-from .errors import FileError
+from .errors import FileError, RobodynError
 from .joints import JOINT_TYPES
 from .loads import LOADS
 from .robot import Robot
@@ -25,7 +25,7 @@ _MODEL = (
     model.Joint,
     model.Mimic,
 )
-_CLASSES: dict[str, type] = {cls.__name__: cls for cls in (*_MODEL, *JOINT_TYPES.values(), *LOADS.values(), Robot, Scene)}
+_CLASSES: dict[str, type] = {cls.__name__: cls for cls in (*_MODEL, *JOINT_TYPES.values(), *LOADS.values(), model.Mechanism, Robot, Scene)}
 
 
 def to_json(value: object) -> str:
@@ -37,12 +37,13 @@ def from_json(text: str) -> Any:
     """What `to_json` wrote. FileError where the text is damaged."""
     try:
         return _decode(json.loads(text))
-    except (ValueError, TypeError, KeyError, RecursionError) as error:
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError, RobodynError) as error:
         raise FileError(f"the record of the scene is damaged: {error}") from error
 
 
 def _encode(value: object) -> object:
-    if dataclasses.is_dataclass(value) and type(value).__name__ in _CLASSES:
+    if _CLASSES.get(type(value).__name__) is type(value):
+        assert dataclasses.is_dataclass(value)
         fields = {f.name: _encode(getattr(value, f.name)) for f in dataclasses.fields(value)}
         return {"class": type(value).__name__, "fields": fields}
     if isinstance(value, np.ndarray):

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from functools import cached_property
 from types import MethodType
 from typing import Self
@@ -36,6 +36,7 @@ def load(
     return Robot.of(read(source, floating_base=floating_base, package_dirs=package_dirs, locked=locked))
 
 
+@dataclass(frozen=True, eq=False, repr=False)
 class Robot(Mechanism):
     """An immutable robot. Its methods know rigid bodies and gravity alone; a `Scene` adds damping, friction and loads.
 

@@ -38,7 +38,11 @@ class Scene:
     declared: bool = True
 
     def __post_init__(self) -> None:
+        if not isinstance(self.robot, Mechanism):
+            raise InputError(f'a Scene is made of a robot, not of {self.robot!r}: rd.Scene(rd.load("file.urdf"))')
         object.__setattr__(self, "gravity", frozen(inputs.vector3("gravity", self.gravity)))
+        if isinstance(self.loads, str) or not isinstance(self.loads, Iterable):
+            raise InputError(f"loads={self.loads!r} must be a list: loads=[…]")
         object.__setattr__(self, "loads", tuple(self.loads))
         for load in self.loads:
             if not isinstance(load, Load):

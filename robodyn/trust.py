@@ -10,8 +10,8 @@ EPS = np.finfo(float).eps
 
 
 def margin(nv: int) -> float:
-    """The share of its scale that a pivot must exceed: it is left over from about nv sums, and below their rounding it is noise."""
-    return 4 * (nv + 1) * EPS
+    """The share of its scale that a pivot must exceed: it is left over from nv eliminations of some dozens of roundings each."""
+    return 64 * (nv + 1) * EPS
 
 
 def refuse_impossible(mechanism: Mechanism, tree: Tree) -> None:
@@ -47,7 +47,12 @@ def refuse_undetermined(mechanism: Mechanism, tree: Tree, solution: Solution) ->
     lost = ~(pivots > margin(mechanism.nv) * abs(scales))
     if lost.any():
         refuse_massless(mechanism, tree)
-        index = tuple(int(i) for i in np.argwhere(lost)[0])
+        # Of the first state with one, the freedom eliminated first: what comes after it is spoilt by it.
+        first = tuple(int(i) for i in np.argwhere(lost.any(-1))[0])
+        index = (*first, int(np.flatnonzero(lost[first])[-1]))
+        if not np.isfinite(scales[index]):
+            name = _joint(mechanism, index[-1])
+            raise ModelError(f"the inertia that joint {name!r} moves is not finite{_at(first)}: displacements are too large for float64")
         raise ModelError(
             f"joint {_joint(mechanism, index[-1])!r} of robot {mechanism.name!r} has no inertia to accelerate{_at(index[:-1])}: "
             f"its pivot is {pivots[index]:.3g} of {scales[index]:.3g}. Give the links beyond it mass off its axis, or lock it"

@@ -1,6 +1,8 @@
 """The `robodyn` command: one file per subcommand. Exit codes: 0 done, 1 an error of the input, 2 wrong usage, 130 interrupted."""
 
 import argparse
+import io
+import os
 import sys
 import warnings
 from collections.abc import Sequence
@@ -41,20 +43,37 @@ def parser() -> argparse.ArgumentParser:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # a terminal or pipe that lacks a character shows another, and no traceback
+            stream.reconfigure(errors="replace")
     options = parser().parse_args(argv)
     warnings.simplefilter("always", RobodynWarning)
     warnings.showwarning = _show_warning
     try:
-        return COMMANDS[options.command].run(options)
+        code = COMMANDS[options.command].run(options)
+        if sys.stdout is not None:
+            sys.stdout.flush()
+        return code
     except RobodynError as error:
-        print(f"robodyn: error: {error}", file=sys.stderr)
-        return 1
-    except BrokenPipeError:  # `robodyn info … | head`
-        sys.stderr.close()
+        return _failed(1, f"error: {error}")
+    except BrokenPipeError:  # `robodyn info … | head`: nobody reads on
+        _no_more_output()
         return 0
+    except OSError as error:  # standard output on a full disk
+        _no_more_output()
+        return _failed(1, f"error: {error}")
     except KeyboardInterrupt:
-        print("robodyn: interrupted", file=sys.stderr)
-        return 130
+        return _failed(130, "interrupted")
+
+
+def _failed(code: int, message: str) -> int:
+    print(f"robodyn: {message}", file=sys.stderr)
+    return code
+
+
+def _no_more_output() -> None:
+    """Let the interpreter's last flush go nowhere."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
 
 
 def _show_warning(message, category, filename, lineno, file=None, line=None) -> None:

@@ -45,6 +45,8 @@ def assignments(option: str, texts: Iterable[str]) -> dict[str, float]:
 
 def print_table(headings: Sequence[str], rows: Iterable[Sequence[object]], *, left: int = 1) -> None:
     """A table on standard output; the first `left` columns are text, the others are aligned right."""
+    if sys.stdout is None:  # a daemon's
+        return
     from rich import box
     from rich.console import Console
     from rich.table import Table
@@ -55,8 +57,13 @@ def print_table(headings: Sequence[str], rows: Iterable[Sequence[object]], *, le
         table.add_column(heading, justify="left" if i < left else "right", overflow="fold")
     for row in rows:
         table.add_row(*(Text(str(cell)) for cell in row))
-    # A pipe or a file is as wide as the table needs.
-    Console(width=None if sys.stdout.isatty() else 240, highlight=False, markup=False).print(table)
+    # A pipe or a file is as wide as the table needs, whatever COLUMNS says.
+    console = Console(highlight=False, markup=False)
+    if not sys.stdout.isatty():
+        console = Console(
+            highlight=False, markup=False, width=table.__rich_measure__(console, console.options.update(width=10_000)).maximum
+        )
+    console.print(table)
 
 
 def number(x: float, digits: int = 4) -> str:

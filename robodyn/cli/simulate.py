@@ -10,6 +10,7 @@ import numpy as np
 
 from ..arithmetic import Array
 from ..errors import InputError, SimulationError
+from ..files import writable
 from ..scene import EARTH, Scene
 from ..simulation import METHODS, Trajectory, simulate
 from .common import assignments, load_robot, number, print_table, robot_arguments
@@ -40,6 +41,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
+    for path in (options.html, options.npz):
+        if path is not None:
+            writable(path)  # an hour of computing must not end in a folder that was never there
     robot = load_robot(options)
     q_names, v_names = robot.coordinate_names()
     q0 = _filled("--q0", options.q0, [name for name, _ in q_names], robot.neutral())
@@ -49,10 +53,11 @@ def run(options: argparse.Namespace) -> int:
         trajectory = simulate(Scene(robot, gravity=options.gravity), q0=q0, v0=v0, progress=not options.quiet, **settings)
     except SimulationError as error:
         if (partial := getattr(error, "trajectory", None)) is not None and len(partial.t) > 1:
-            _write(partial, options)
+            print(*_write(partial, options), sep="\n")
         raise
+    written = _write(trajectory, options)  # first: whoever reads the report may leave early
     _report(trajectory)
-    _write(trajectory, options)
+    print(*written, sep="\n", end="\n" if written else "")
     return 0 if trajectory.completed else 130
 
 
@@ -84,8 +89,11 @@ def _report(trajectory: Trajectory) -> None:
     print_table(("largest reaction at joint", "force [N]", "at [s]", "moment [N m]", "at [s]"), rows)
 
 
-def _write(trajectory: Trajectory, options: argparse.Namespace) -> None:
+def _write(trajectory: Trajectory, options: argparse.Namespace) -> list[str]:
+    """Write what was asked for; a line about each."""
+    written = []
     for name, write in (("html", trajectory.to_html), ("npz", trajectory.save), ("csv", trajectory.to_csv)):
         if (path := getattr(options, name)) is not None:
             write(path)
-            print(f"wrote {path}")
+            written.append(f"wrote {path}")
+    return written

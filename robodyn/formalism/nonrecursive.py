@@ -21,21 +21,24 @@ from .spatial import Pose, RigidInertia
 def nonrecursive(tree: Tree, q: Array, v: Array, tau: Array, wrenches: Wrenches, gravity: Array) -> Solution:
     """η̇ (..., nv) at q (..., nq), v (..., nv) for the coordinate forces tau (..., nv)."""
     state = motion(tree, q, v)
-    M = mass_matrix(tree, state, dtype_of(q, v, tau))
     k = tau - bias_forces(tree, state, wrenches, gravity)
-    meets = ldl.couplings(tree)
-    rows, pivots, reciprocals = ldl.factorise(M, meets)
+    inertias, meets = composites(tree, state), ldl.couplings(tree)
+    rows, pivots, reciprocals = ldl.factorise(mass_matrix(tree, state, inertias, dtype_of(q, v, tau)), meets)
     vdot = ldl.solve(rows, reciprocals, [k[..., i] for i in range(tree.nv)], meets)
-    return Solution.stack(vdot, pivots, [M[..., i, i] for i in range(tree.nv)])
+    return Solution.stack(vdot, pivots, sizes(tree, state, inertias))
 
 
-def mass_matrix(tree: Tree, state: Motion, dtype: np.dtype) -> Array:
-    """M̂ = JᵀMJ (..., nv, nv), symmetric."""
+def composites(tree: Tree, state: Motion) -> list[RigidInertia]:
+    """The inertia of all that hangs on each joint, as one rigid body."""
     composite = [RigidInertia.of(body.inertia) for body in tree.bodies]
     for i in reversed(range(len(tree.bodies))):
         if (p := tree.bodies[i].parent) >= 0:
             composite[p] = composite[p] + composite[i].to_parent(state.pose[i])
+    return composite
 
+
+def mass_matrix(tree: Tree, state: Motion, composite: list[RigidInertia], dtype: np.dtype) -> Array:
+    """M̂ = JᵀMJ (..., nv, nv), symmetric."""
     M = zeros((*batch_of(state), tree.nv, tree.nv), dtype)
     for i, body in enumerate(tree.bodies):
         if not body.joint.nv:
@@ -50,6 +53,15 @@ def mass_matrix(tree: Tree, state: Motion, dtype: np.dtype) -> Array:
             M[..., tree.bodies[j].v, body.v] += block
             M[..., body.v, tree.bodies[j].v] += transpose(block)
     return M
+
+
+def sizes(tree: Tree, state: Motion, composite: list[RigidInertia]) -> list[Array]:
+    """Per coordinate, the size (...) of the sums that its pivot is left over from."""
+    found: list[Array] = [np.zeros(())] * tree.nv
+    for body, S, inertia in zip(tree.bodies, state.subspace, composite, strict=True):
+        for k in range(body.joint.nv):
+            found[body.v.start + k] = found[body.v.start + k] + inertia.size_along(S[..., :, k])
+    return found
 
 
 def bias_forces(tree: Tree, state: Motion, wrenches: Wrenches, gravity: Array) -> Array:

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..algebra import joined, mul
 from ..arithmetic import Array
-from ..errors import ModelError
+from ..errors import UnknownNameError
 from ..model import Mechanism, Tree
 from .kinematics import Motion, accelerations, falling_ground, joint_position, world_poses
 from .newton_euler import Wrenches, resultants
@@ -32,7 +32,7 @@ class Reactions(Mapping[str, Array]):
 
     def __getitem__(self, name: str) -> Array:
         if name not in self.joint_names:
-            raise ModelError(f"there is no reaction of a joint named {name!r} here: there are {', '.join(self.joint_names)}")
+            raise UnknownNameError(f"there is no reaction of a joint named {name!r} here: there are {', '.join(self.joint_names)}")
         return self.array[..., self.joint_names.index(name), :]
 
     def __iter__(self):  # type: ignore[override]

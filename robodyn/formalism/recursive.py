@@ -29,12 +29,13 @@ def recursive(tree: Tree, q: Array, v: Array, tau: Array, wrenches: Wrenches, gr
     eliminated: dict[int, tuple[Array, Array, Array, Array, Array]] = {}
     for i in reversed(range(len(tree.bodies))):
         body = tree.bodies[i]
+        scales = [A[i].size_along(state.subspace[i][..., :, k]) for k in range(body.joint.nv)]
         for k in reversed(range(body.joint.nv)):
             s = state.subspace[i][..., :, k]
             U = A[i].times(s)
             pivot, e = dot(s, U), tau[..., body.v.start + k] - dot(s, p[i])
             d = 1.0 / pivot
-            eliminated[body.v.start + k] = (U, d, e, pivot, A[i].size_along(s))
+            eliminated[body.v.start + k] = (U, d, e, pivot, scales[k])
             A[i] = A[i].without(s, U, d)
             p[i] = p[i] + U * column(d * e)
         if body.parent >= 0:

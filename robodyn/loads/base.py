@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..arithmetic import Array
+from ..arithmetic import Array, exact, is_exact
 from ..errors import InputError
 from ..formalism.kinematics import motion, world_poses
 from ..formalism.spatial import Pose, twist_to_child
@@ -33,6 +33,10 @@ class State:
         """η (..., nv_i) of a joint by its index."""
         eta, mimic = self.v[..., self.mechanism.v_slices[joint]], self.mechanism.joints[joint].mimic
         return eta if mimic is None else mimic.ratio * eta
+
+    def constant(self, x: object) -> Array:
+        """Numbers of a load, in the state's own arithmetic: sums of them must not round in float64 where the state has 50 digits."""
+        return exact(x) if is_exact(self.q) else np.array(x, dtype=float)
 
     @cached_property
     def _motion(self):
@@ -81,13 +85,23 @@ class Load:
 
 def joint_table(mechanism: Mechanism, values: Mapping[str, object], what: str) -> dict[int, Array]:
     """`{"joint": number or one number per freedom}` by joint index, each checked and of size nv_i."""
+    if not isinstance(values, Mapping):
+        raise InputError(f'{what}={values!r} must name the joints it belongs to: {{"joint": number}}')
     table = {}
-    for name, value in values.items():
+    for name, given in values.items():
         i = mechanism.joint_index(name)
-        n, value = mechanism.joints[i].type.nv, np.asarray(value, dtype=float)
+        n, value = mechanism.joints[i].type.nv, numbers(given, f"{what} of joint {name!r}")
         if n == 0:
             raise InputError(f"{what} of joint {name!r}: it is {mechanism.joints[i].type.kind} and has no freedom to act on")
         if value.shape not in ((), (n,)) or not np.isfinite(value).all():
             raise InputError(f"{what} of joint {name!r} is {value.tolist()}: give one finite number, or {n} of them")
         table[i] = np.broadcast_to(value, (n,))
     return table
+
+
+def numbers(value: object, what: str) -> Array:
+    """`value` as an array of floats; InputError where it is none."""
+    try:
+        return np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError(f"{what} is {value!r}: it must be made of numbers") from None

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..arithmetic import Array, is_exact
 from ..errors import InputError, ModelError
+from ..model import Mechanism
 from .base import Load, State
 
 
@@ -19,6 +20,10 @@ class ControlLaw(Load):
     """
 
     law: Callable[[float, Array, Array], Array]
+
+    def check(self, mechanism: Mechanism) -> None:
+        if not callable(self.law):
+            raise InputError(f"ControlLaw({self.law!r}): the law must be a function of (t, q, v) that returns tau ({mechanism.nv},)")
 
     def _traced(self, state: State) -> Array:
         """The law on symbols: NumPy's arithmetic and functions pass, a branch on a value does not."""

@@ -9,7 +9,7 @@ from ..algebra import cross, joined, mul, transpose
 from ..arithmetic import Array
 from ..errors import InputError
 from ..model import Mechanism
-from .base import Load, State
+from .base import Load, State, numbers
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,13 +30,13 @@ class LinkWrench(Load):
         if self.frame not in ("link", "world"):
             raise InputError(f"wrench on link {self.link!r}: frame={self.frame!r} must be 'link' or 'world'")
         for what in ("force", "moment", "point"):
-            x = np.asarray(getattr(self, what), dtype=float)
+            x = numbers(getattr(self, what), f"wrench on link {self.link!r}: {what}")
             if x.shape != (3,) or not np.isfinite(x).all():
                 raise InputError(f"wrench on link {self.link!r}: {what}={x.tolist()} must be three finite numbers")
 
     def link_wrenches(self, state: State) -> Mapping[int, Array]:
         link = state.mechanism.link_index(self.link)
-        F, M, r = (np.array(x, dtype=float) for x in (self.force, self.moment, self.point))
+        F, M, r = (state.constant(x) for x in (self.force, self.moment, self.point))
         if self.frame == "world":
             Rt = transpose(state.pose(link).R)
             F, M = mul(Rt, F), mul(Rt, M)

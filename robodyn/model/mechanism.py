@@ -10,7 +10,7 @@ import numpy as np
 
 from ..algebra import frozen
 from ..arithmetic import Array, exact, orthonormal
-from ..errors import ModelError
+from ..errors import ModelError, UnknownNameError
 from ..joints import JointType
 from .geometry import Visual
 from .inertia import Inertia
@@ -165,7 +165,7 @@ class Mechanism:
                 if close
                 else f"it has {', '.join(names[:12])}{', …' if len(names) > 12 else ''}"
             )
-            raise ModelError(f"robot {self.name!r} has no {kind} named {name!r}: {hint}")
+            raise UnknownNameError(f"robot {self.name!r} has no {kind} named {name!r}: {hint}")
         return names.index(name)
 
     def coordinate_names(self) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:

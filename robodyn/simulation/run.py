@@ -22,6 +22,8 @@ from .methods import METHODS
 from .scipy_steps import too_small
 from .trajectory import Trajectory
 
+MOST_FRAMES = 1e8  # results of one trajectory: beyond this memory runs out first
+
 Progress = Callable[[float], None]  # called with the simulated share of the time span, 0…1
 Found = list[tuple[float, Array]]  # times and states
 
@@ -234,6 +236,8 @@ def output_times(t0: float, t_end: float, fps: float | None, times: Sequence[flo
         return None
     if not number("fps", fps) > 0:
         raise InputError(f"fps={fps} must be positive, or None for every step")
+    if not (t_end - t0) * fps < MOST_FRAMES:
+        raise InputError(f"{(t_end - t0) * fps:.3g} results are too many to keep: reduce fps={fps:g}, or give the times you need")
     frames = np.arange(int(np.ceil((t_end - t0) * fps * (1 - 1e-12)))) / fps + t0
     return np.append(frames, t_end)
 

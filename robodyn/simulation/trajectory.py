@@ -4,7 +4,6 @@ import io
 import json
 import os
 import warnings
-import zipfile
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -14,7 +13,7 @@ import numpy as np
 
 from ..arithmetic import Array
 from ..errors import FileError, InputError, MissingPackageError, RobodynWarning
-from ..files import atomic_write
+from ..files import atomic_write, writable
 from ..formalism.reactions import Reactions
 from ..loads import ControlLaw
 from ..questions import Energies
@@ -39,7 +38,7 @@ class Energy(NamedTuple):
     @property
     def drift(self) -> float:
         """The largest |balance − balance at the start| [J]."""
-        return float(abs(self.balance - self.balance[0]).max())
+        return float(abs(self.balance - self.balance[0]).max()) if len(self.balance) else 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,11 +81,15 @@ class Trajectory:
         """
         from ..records import to_json
 
+        writable(path)
         kept = tuple(load for load in self.scene.loads if not isinstance(load, ControlLaw))
         if len(kept) < len(self.scene.loads):
             warnings.warn("a ControlLaw cannot be stored: the file keeps its forces, not its function", RobodynWarning, stacklevel=2)
         buffer = io.BytesIO()
-        scene, stats = to_json(replace(self.scene, loads=kept)), json.dumps(self.stats)
+        try:
+            scene, stats = to_json(replace(self.scene, loads=kept)), json.dumps(self.stats)
+        except TypeError as error:
+            raise FileError(f"cannot write {str(path)!r}: {error}") from error
         arrays: dict[str, Any] = {name: getattr(self, name) for name in ARRAYS}
         np.savez_compressed(buffer, format=FORMAT, scene=scene, stats=stats, **arrays)
         atomic_write(path, buffer.getvalue())
@@ -102,15 +105,17 @@ class Trajectory:
                     raise FileError(f"{os.fspath(path)!r} was written by a newer robodyn (format {int(file['format'])}): update robodyn")
                 arrays = {name: file[name] for name in ARRAYS}
                 scene, stats = from_json(str(file["scene"])), json.loads(str(file["stats"]))
+                if not isinstance(scene, Scene) or not isinstance(stats, dict):
+                    raise FileError("it holds no scene")
         except FileNotFoundError:
             raise FileError(f"there is no file {os.fspath(path)!r}") from None
-        except (OSError, KeyError, ValueError, TypeError, AttributeError, EOFError, zipfile.BadZipFile) as error:
+        except Exception as error:  # whatever NumPy's reader trips over in a file that is damaged or made to harm
             raise FileError(f"{os.fspath(path)!r} is not a trajectory of robodyn, or is damaged: {error}") from error
-        n, robot = len(arrays["t"]), scene.robot
+        n, robot = arrays["t"].size, scene.robot
         sizes = {"t": (n,), "q": (n, robot.nq), "v": (n, robot.nv), "a": (n, robot.nv), "u": (n, robot.nu), "work": (n,)}
-        wrong = [name for name, shape in sizes.items() if arrays[name].shape != shape]
+        wrong = [name for name, shape in sizes.items() if arrays[name].shape != shape or arrays[name].dtype != float]
         if wrong:
-            raise FileError(f"{os.fspath(path)!r} is damaged: {', '.join(wrong)} do not have the shape that its robot needs")
+            raise FileError(f"{os.fspath(path)!r} is damaged: {', '.join(wrong)} are not the numbers that its robot needs")
         return cls(scene=scene, stats=stats, **arrays)
 
     def to_csv(self, folder: str | os.PathLike[str]) -> None:
@@ -134,9 +139,10 @@ class Trajectory:
         import csv
 
         text = io.StringIO(newline="")
-        writer = csv.writer(text, lineterminator="\n")
-        writer.writerow(["t [s]", *(f"{name} [{unit}]" for name, unit in columns)])
-        writer.writerows(np.column_stack([self.t, rows]).tolist())
+        header = ["t [s]", *(f"{name} [{unit}]" for name, unit in columns)]
+        # Quotes only where they are needed; a carriage return is what `csv` forgets.
+        csv.writer(text, lineterminator="\n", quoting=csv.QUOTE_ALL if "\r" in "".join(header) else csv.QUOTE_MINIMAL).writerow(header)
+        csv.writer(text, lineterminator="\n").writerows(np.column_stack([self.t, rows]).tolist())
         atomic_write(path, text.getvalue())
 
     def to_html(self, path: str | os.PathLike[str], **options: Any) -> None:
@@ -173,7 +179,8 @@ class Trajectory:
         for panel, title in zip(panels, titles, strict=True):
             panel.set_ylabel(title)
             panel.grid(alpha=0.3)
-            panel.legend(fontsize="x-small", loc="upper right", ncols=2)
+            if panel.lines:
+                panel.legend(fontsize="x-small", loc="upper right", ncols=2)
         panels[-1].set_xlabel("t [s]")
         return figure
 

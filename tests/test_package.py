@@ -1,0 +1,220 @@
+"""The package as a whole: quick to import, layered, documented, with nothing public that is not there."""
+
+import ast
+import functools
+import importlib
+import inspect
+import pkgutil
+import subprocess
+import sys
+from importlib import resources
+from pathlib import Path
+
+import pytest
+
+import robodyn as rd
+
+PACKAGE = Path(rd.__file__).parent
+MODULES = sorted(module.name for module in pkgutil.walk_packages([str(PACKAGE)], "robodyn."))
+FILES = {
+    ".".join(("robodyn", *path.relative_to(PACKAGE).with_suffix("").parts)).removesuffix(".__init__"): path
+    for path in PACKAGE.rglob("*.py")
+}
+
+
+def child(program):
+    """The standard output of a fresh interpreter."""
+    return subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=60).stdout
+
+
+# --- import ------------------------------------------------------------------------------------------------------------
+
+HEAVY = {"yourdfpy", "trimesh", "meshcat", "lxml", "scipy", "matplotlib", "mpmath", "rich", "llvmlite", "pinocchio", "numpy"}
+
+
+def test_import_is_quick():
+    """Under 0.3 s; the best of three, because other processes take their share of the machine."""
+    program = "import time; t = time.perf_counter(); import robodyn; print(time.perf_counter() - t)"
+    assert min(float(child(program)) for _ in range(3)) < 0.3
+
+
+def test_import_brings_nothing_heavy():
+    loaded = child("import sys; import robodyn; print(*{name.partition('.')[0] for name in sys.modules})").split()
+    assert not HEAVY & set(loaded)
+
+
+@pytest.mark.parametrize(
+    ("use", "allowed"),
+    [
+        ("robodyn.Scene", {"numpy"}),
+        ("robodyn.random_robot", {"numpy"}),
+        ("robodyn.load", {"numpy"}),
+        ("robodyn.loads", {"numpy"}),
+        ("robodyn.simulate", {"numpy", "scipy"}),
+        ("robodyn.Scene(robodyn.random_robot(__import__('numpy').random.default_rng(0), 2)).equations()", {"numpy"}),
+    ],
+)
+def test_each_name_brings_only_what_it_needs(use, allowed):
+    loaded = child(f"import sys; import robodyn; {use}; print(*{{name.partition('.')[0] for name in sys.modules}})").split()
+    assert not (HEAVY - allowed) & set(loaded)
+
+
+def test_import_prints_nothing_and_warns_of_nothing():
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", "import robodyn; robodyn.simulate"], capture_output=True, text=True, check=True
+    )
+    assert (done.stdout, done.stderr) == ("", "")
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_every_module_can_be_imported_first(module):
+    """No module leans on another having been imported before: what it needs it imports."""
+    if any(part.startswith("_") for part in module.split(".")):
+        pytest.skip("not meant to be imported")
+    importlib.import_module(module)
+
+
+def test_no_circles():
+    """A few modules imported alone in a fresh interpreter: each an entrance of its own."""
+    for module in ("robodyn.loads", "robodyn.formalism.reactions", "robodyn.records", "robodyn.cli", "robodyn.view", "robodyn.simulation"):
+        child(f"import {module}")
+
+
+# --- public names ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", rd.__all__)
+def test_every_public_name_resolves(name):
+    value = getattr(rd, name)
+    assert name in dir(rd)
+    assert value is getattr(rd, name)
+    if inspect.isclass(value):
+        assert value.__name__ == name
+
+
+def test_names_that_are_not_there():
+    with pytest.raises(AttributeError, match="'robodyn' has no attribute 'Robott'"):
+        rd.Robott  # noqa: B018
+
+
+def test_type_checkers_see_the_public_names():
+    """What `__getattr__` serves at run time stands under TYPE_CHECKING for those who read the source."""
+    tree = ast.parse(FILES["robodyn"].read_text("utf-8"))
+    block = next(node for node in tree.body if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING")
+    seen = {alias.asname or alias.name for node in block.body for alias in node.names}
+    assert seen == set(rd.__all__) - {"__version__"}
+
+
+def test_types_are_packaged():
+    assert resources.files("robodyn").joinpath("py.typed").is_file()
+    for name in ("page.html", "page.css"):
+        assert resources.files("robodyn.view").joinpath(name).is_file()
+
+
+# --- layers ------------------------------------------------------------------------------------------------------------
+
+
+def imports(module):
+    """Every module that a file imports, at the top or inside a function, by its full name."""
+    path = FILES[module]
+    package = module if path.name == "__init__.py" else module.rpartition(".")[0]
+    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            base = importlib.util.resolve_name("." * node.level + (node.module or ""), package) if node.level else node.module
+            yield base
+            yield from (f"{base}.{alias.name}" for alias in node.names)
+
+
+def within(module, *packages):
+    return any(module == f"robodyn.{p}" or module.startswith(f"robodyn.{p}.") for p in packages)
+
+
+ABOVE = (
+    *("equations", "questions", "trust", "inputs", "evaluate", "scene", "robot", "random", "records"),
+    *("simulation", "view", "cli", "urdf", "report", "engine"),
+)
+LAYERS = {
+    "arithmetic": ("algebra", "joints", "model", "formalism", "loads", *ABOVE),
+    "algebra": ("joints", "model", "formalism", "loads", *ABOVE),
+    "joints": ("model", "formalism", "loads", *ABOVE),
+    "model": ("formalism", "loads", *ABOVE),
+    "formalism": ("loads", *ABOVE),
+    "loads": ABOVE,
+    "equations": ABOVE[1:],
+    "questions": ABOVE[3:],
+    "evaluate": ABOVE[5:-1],
+    "scene": ABOVE[6:],
+    "engine": ("joints", "model", "formalism", "loads", *ABOVE[:-1]),
+    "urdf": ("formalism", "loads", *(name for name in ABOVE if name != "urdf")),
+    "view": ("formalism", "loads", *(name for name in ABOVE if name != "view")),
+}
+
+
+@pytest.mark.parametrize("layer", LAYERS)
+def test_no_layer_knows_the_ones_above(layer):
+    """formalism, joints, loads and model never import what uses them; the engine knows nothing about robots."""
+    found = {(m, i) for m in FILES if within(m, layer) for i in imports(m) if within(i, *LAYERS[layer])}
+    assert not found
+
+
+@pytest.mark.parametrize(
+    ("library", "users"),
+    [
+        ("yourdfpy", ("urdf", "view")),
+        ("trimesh", ("urdf", "view")),
+        ("meshcat", ("urdf", "view")),
+        ("lxml", ("urdf",)),
+        ("llvmlite", ("engine",)),
+        ("matplotlib", ("simulation",)),
+    ],
+)
+def test_libraries_stay_where_they_belong(library, users):
+    found = {m for m in FILES for i in imports(m) if i.partition(".")[0] == library and not within(m, *users)}
+    assert not found
+
+
+# --- documentation -----------------------------------------------------------------------------------------------------
+
+
+SUBCOMMANDS = {
+    f"robodyn.cli.{name}.{function}"
+    for name in ("check", "info", "reactions", "report", "simulate", "view")
+    for function in ("arguments", "run")
+}
+
+
+def public(module):
+    """What a module defines without a leading underscore: functions, classes and their methods, each with its docstring.
+
+    An overriding method has that of the one it overrides; what @dataclass makes up for a class is none. The two functions
+    that every subcommand consists of explain themselves.
+    """
+    m = importlib.import_module(module)
+    for name, value in vars(m).items():
+        path = f"{module}.{name}"
+        if name.startswith("_") or getattr(value, "__module__", None) != module or path in SUBCOMMANDS:
+            continue
+        if inspect.isfunction(value):
+            yield path, value.__doc__
+        elif inspect.isclass(value):
+            made_up = (value.__doc__ or "").startswith(f"{name}(")
+            yield path, None if made_up else value.__doc__
+            own = {k: x for k, x in vars(value).items() if not k.startswith("_")}
+            methods = (
+                k for k, x in own.items() if inspect.isroutine(x) or isinstance(x, (property, classmethod, functools.cached_property))
+            )
+            yield from ((f"{path}.{k}", inspect.getdoc(getattr(value, k))) for k in methods)
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_what_is_public_has_a_docstring(module):
+    assert importlib.import_module(module).__doc__
+    assert not [path for path, doc in public(module) if not doc]
+
+
+def test_the_version_is_one():
+    from importlib.metadata import version
+
+    assert version("robodyn") == rd.__version__
