@@ -188,8 +188,10 @@ class Views:
 
     @cached_property
     def lumped(self) -> Equations:
+        """On the bodies that move; links on fixed joints are lumped."""
         return self._equations(opened=False)
 
     @cached_property
     def opened(self) -> Equations:
+        """Cut open at every joint, fixed ones and the joint to ground included."""
         return self._equations(opened=True)

@@ -57,12 +57,16 @@ def print_table(headings: Sequence[str], rows: Iterable[Sequence[object]], *, le
         table.add_column(heading, justify="left" if i < left else "right", overflow="fold")
     for row in rows:
         table.add_row(*(Text(str(cell)) for cell in row))
+
+    class Output(Console):
+        def on_broken_pipe(self) -> None:
+            raise BrokenPipeError  # `main` knows what to do; Rich would exit with 1
+
     # A pipe or a file is as wide as the table needs, whatever COLUMNS says.
-    console = Console(highlight=False, markup=False)
+    console = Output(highlight=False, markup=False)
     if not sys.stdout.isatty():
-        console = Console(
-            highlight=False, markup=False, width=table.__rich_measure__(console, console.options.update(width=10_000)).maximum
-        )
+        needed = table.__rich_measure__(console, console.options.update(width=10_000)).maximum
+        console = Output(highlight=False, markup=False, width=needed)
     console.print(table)
 
 

@@ -17,6 +17,7 @@ class Code:
         self._count = 0
 
     def name(self) -> str:
+        """A fresh name."""
         self._count += 1
         return f"%x{self._count}"
 
@@ -38,9 +39,11 @@ class Code:
         return name
 
     def get(self, kind: str, variable: str) -> str:
+        """The value of a variable, or at an address."""
         return self.value(f"load {kind}, ptr {variable}, align 8")
 
     def set(self, kind: str, variable: str, value: str) -> None:
+        """Give a variable, or an address, a value."""
         self.add(f"store {kind} {value}, ptr {variable}, align 8")
 
     def at(self, kind: str, base: str, index: str | int) -> str:
@@ -50,13 +53,16 @@ class Code:
     # --- floating point ---
 
     def fma(self, t: Type, a: str, b: str, c: str) -> str:
+        """a·b + c, rounded once."""
         F = t.float
         return self.value(f"call {F} @llvm.fma.{t.name}({F} {a}, {F} {b}, {F} {c})")
 
     def binary(self, op: str, kind: str, a: str, b: str) -> str:
+        """A binary instruction."""
         return self.value(f"{op} {kind} {a}, {b}")
 
     def call(self, kind: str, function: str, *arguments: str) -> str:
+        """A function of arguments of its own type."""
         return self.value(f"call {kind} @{function}({', '.join(f'{kind} {a}' for a in arguments)})")
 
     def splat(self, t: Type, x: str) -> str:
@@ -69,6 +75,7 @@ class Code:
     # --- flow ---
 
     def label(self, name: str) -> None:
+        """Go on in a block of this name."""
         self.lines += [f"  br label %{name}", f"{name}:"]
 
     @contextmanager

@@ -41,6 +41,7 @@ class Type:
         self.bool = self.of("i1")
 
     def of(self, scalar: str) -> str:
+        """The type of a scalar in every lane."""
         return scalar if self.lanes == 1 else f"<{self.lanes} x {scalar}>"
 
     def constant(self, x: float) -> str:
@@ -48,9 +49,11 @@ class Type:
         return self.splat("double", f"0x{struct.unpack('<Q', struct.pack('<d', x))[0]:016X}")
 
     def integer(self, k: int) -> str:
+        """An integer in every lane."""
         return self.splat("i64", str(k))
 
     def splat(self, scalar: str, text: str) -> str:
+        """A constant, spelt out for every lane."""
         return text if self.lanes == 1 else "<" + ", ".join([f"{scalar} {text}"] * self.lanes) + ">"
 
 

@@ -71,6 +71,7 @@ class Scalar:
 
     @property
     def node(self) -> Node:
+        """The operation and its operands."""
         return self.graph.nodes[self.number]
 
     @property
@@ -201,21 +202,27 @@ class Scalar:
         return self.graph.node(name, self.number)
 
     def sin(self) -> "Scalar":
+        """sin x."""
         return self._function("sin")
 
     def cos(self) -> "Scalar":
+        """cos x."""
         return self._function("cos")
 
     def sqrt(self) -> "Scalar":
+        """√x."""
         return self._function("sqrt")
 
     def exp(self) -> "Scalar":
+        """eˣ."""
         return self._function("exp")
 
     def log(self) -> "Scalar":
+        """The natural logarithm."""
         return self._function("log")
 
     def tanh(self) -> "Scalar":
+        """tanh x."""
         return self._function("tanh")
 
     def __abs__(self) -> "Scalar":

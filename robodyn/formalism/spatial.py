@@ -69,6 +69,7 @@ class RigidInertia(NamedTuple):
 
     @classmethod
     def of(cls, inertia: Inertia) -> "RigidInertia":
+        """That of a body."""
         return cls(inertia.tensor, inertia.moment, inertia.mass)
 
     def __add__(self, other: "RigidInertia") -> "RigidInertia":  # type: ignore[override]
@@ -105,6 +106,7 @@ class ArticulatedInertia(NamedTuple):
 
     @classmethod
     def of(cls, inertia: Inertia) -> "ArticulatedInertia":
+        """That of a body."""
         return cls(inertia.tensor, skew(inertia.moment), inertia.mass * np.eye(3))
 
     def __add__(self, other: "ArticulatedInertia") -> "ArticulatedInertia":  # type: ignore[override]

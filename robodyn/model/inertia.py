@@ -7,6 +7,7 @@ import numpy as np
 
 from ..algebra import frozen, mirrored, outer, skew
 from ..arithmetic import Array
+from ..errors import ModelError
 
 
 @dataclass(frozen=True, eq=False)
@@ -16,6 +17,10 @@ class Inertia:
     mass: float  # m [kg]
     moment: Array  # m ρ (3,) [kg m]; ρ leads from O to the centre of mass
     tensor: Array  # Θ (3, 3) [kg m²] about O
+
+    def __post_init__(self) -> None:
+        if isinstance(self.mass, str) or np.shape(self.moment) != (3,) or np.shape(self.tensor) != (3, 3):
+            raise ModelError(f"an inertia needs a mass, a moment (3,) and a tensor (3, 3), not {self.mass!r}, {self.moment}, {self.tensor}")
 
     @classmethod
     def zero(cls) -> Self:

@@ -60,6 +60,7 @@ def pose_of(origin: Array | None) -> tuple[Array, Array]:
 
 
 def link_of(link: "urdf.Link", appearance: Appearance) -> Link:
+    """A link with its inertia and its looks."""
     visuals = tuple(visual_of(visual, link.name, appearance) for visual in link.visuals)
     return Link(link.name, inertia_of(link.inertial), visuals)
 
@@ -127,6 +128,7 @@ def found(path: str, filename: str, link: str, appearance: Appearance) -> str | 
 
 
 def joint_of(joint: "urdf.Joint", parent: int, ledger: Ledger) -> Joint:
+    """A joint on the link with this number."""
     R, r = pose_of(joint.origin)
     type = JOINT_TYPES[joint.type].from_axis(snapped(unit(joint.axis)))
     dynamics = joint.dynamics

@@ -33,6 +33,7 @@ class Element:
         return f"<{self.tag}>" + (f" in {self.within}" if self.within else "")
 
     def get(self, attribute: str, default: str = "") -> str:
+        """The text of an attribute."""
         return self.attributes.get(attribute, default)
 
     def all(self, *path: str) -> Iterator["Element"]:
@@ -42,6 +43,7 @@ class Element:
                 yield from child.all(*path[1:]) if path[1:] else (child,)
 
     def first(self, *path: str) -> "Element | None":
+        """The first element down a path of tags; None where there is none."""
         return next(self.all(*path), None)
 
     def everything(self) -> Iterator["Element"]:

@@ -37,10 +37,12 @@ class Value(ABC):
     required: bool = False
 
     @abstractmethod
-    def example(self) -> str: ...
+    def example(self) -> str:
+        """A text that would do, for a remedy."""
 
     @abstractmethod
-    def condition(self, text: str) -> str | None: ...
+    def condition(self, text: str) -> str | None:
+        """What is wrong with a text; None where nothing is."""
 
     def fault(self, text: str) -> str | None:
         """What is wrong with a text, and the remedy; None where nothing is."""
@@ -59,9 +61,11 @@ class Text(Value):
     words: tuple[str, ...] = ()
 
     def example(self) -> str:
+        """A text that would do, for a remedy."""
         return self.words[0] if self.words else "…"
 
     def condition(self, text: str) -> str | None:
+        """What is wrong with a text; None where nothing is."""
         if self.words and text not in self.words:
             return f"is unknown: {similar(text, self.words) or 'write ' + ', '.join(self.words)}"
         return None if text.strip() or self.empty else "is empty: write a name"
@@ -76,9 +80,11 @@ class Numbers(Value):
     infinite: bool = False  # may be: a limit that is none
 
     def example(self) -> str:
+        """A text that would do, for a remedy."""
         return " ".join(["0.5"] * self.count[-1])
 
     def condition(self, text: str) -> str | None:
+        """What is wrong with a text; None where nothing is."""
         words = text.split()
         for word in words:
             if self.infinite and re.fullmatch(r"[+-]?inf(inity)?", word, re.IGNORECASE):
@@ -101,9 +107,11 @@ class Refused(Value):
     remedy: str
 
     def example(self) -> str:
+        """A text that would do, for a remedy."""
         return ""
 
     def condition(self, text: str) -> str:
+        """What is wrong with a text; None where nothing is."""
         return f"is not read: {self.remedy}"
 
 
@@ -161,6 +169,7 @@ SHAPES: dict[str, Rule] = {
 
 
 def texture(element: Element) -> Tag | str:
+    """A picture, which is known and not shown."""
     return Tag("an image to show", {"filename": NAME}) if "filename" in element.attributes else "names no file"
 
 
