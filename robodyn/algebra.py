@@ -100,13 +100,6 @@ def normalised(p: Array) -> Array:
     return p / column(sqrt(dot(p, p)))
 
 
-def rotation_from_rpy(rpy: Array) -> Array:
-    """Rotation matrix (3, 3) of a URDF's roll, pitch, yaw [rad]: R = Rz(yaw) Ry(pitch) Rx(roll)."""
-    x, y, z = np.eye(3)
-    roll, pitch, yaw = np.asarray(rpy, dtype=float)
-    return rotation(z, np.cos(yaw), np.sin(yaw)) @ rotation(y, np.cos(pitch), np.sin(pitch)) @ rotation(x, np.cos(roll), np.sin(roll))
-
-
 def snapped(R: Array) -> Array:
     """R (3, 3) with entries that differ from 0 or ±1 by rounding alone (≤ 1e-15) set to them.
 

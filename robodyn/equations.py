@@ -15,7 +15,7 @@ from .arithmetic import Array, dtype_of, exact, precision, zeros
 from .formalism import energy, kinematics
 from .formalism.constraints import coordinate_forces
 from .formalism.ldl import couplings, factorise
-from .formalism.nonrecursive import bias_forces, composites, mass_matrix, nonrecursive, sizes
+from .formalism.nonrecursive import bias_forces, mass_matrix, nonrecursive
 from .formalism.reactions import joint_wrenches, reactions
 from .formalism.recursive import recursive
 from .formalism.saddle import saddle_body, saddle_joint
@@ -100,16 +100,16 @@ class Equations:
             return SWEEPS[formalism](self.tree, q, v, acts.tau, acts.wrenches, self.gravity)
         _, _, vdot = SADDLES[formalism](self.tree, q, v, acts.u, acts.wrenches, self.gravity)
         # Pivoting hides what is singular; the pivots of M̂ tell.
-        state = kinematics.motion(self.tree, q, v)
-        inertias = composites(self.tree, state)
-        _, pivots, _ = factorise(mass_matrix(self.tree, state, inertias, dtype_of(q)), couplings(self.tree))
-        return Solution.stack([vdot[..., i] for i in range(self.tree.nv)], pivots, sizes(self.tree, state, inertias))
+        M = self.mass_matrix(q)
+        return Solution.stack([vdot[..., i] for i in range(self.tree.nv)], factorise(M, couplings(self.tree))[1])
 
     @cached_property
     def cheapest(self) -> str:
         """The route with the fewest operations here; NumPy's cost per call decides: one sweep per body against one entry per pair."""
-        pairs = sum(len(m) for m in couplings(self.tree))
-        return "nonrecursive" if self.tree.has_mimic or pairs <= 8 * self.tree.nv else "recursive"
+        depth = [0]
+        for body in self.tree.bodies:
+            depth.append(depth[body.parent + 1] + 1)
+        return "nonrecursive" if self.tree.has_mimic or sum(depth) <= 8 * len(self.tree.bodies) else "recursive"
 
     def rate(self, q: Array, v: Array) -> Array:
         """β̇ (..., nq)."""
@@ -134,7 +134,7 @@ class Equations:
     def mass_matrix(self, q: Array) -> Array:
         """M̂ (..., nv, nv)."""
         state = kinematics.motion(self.tree, q, np.zeros(self.tree.nv))
-        return mass_matrix(self.tree, state, composites(self.tree, state), dtype_of(q))
+        return mass_matrix(self.tree, state, dtype_of(q))
 
     def bias(self, q: Array, v: Array, wrenches: dict[int, Array]) -> Array:
         """−k̂ᶜ − k̂ᵗ (..., nv): what inverse dynamics gives at η̇ = 0."""
@@ -146,7 +146,7 @@ class Equations:
         """Wrenches (..., n, 6) of the joints with these indices at η̇ and joint forces u (..., nu); `self.tree` must be open at each."""
         state = kinematics.motion(self.tree, q, v)
         total = joint_wrenches(self.tree, state, vdot, self.wrenches(t, q, v), self.gravity)
-        return reactions(self.mechanism, self.tree, state, q, total, u, frame=frame, part=part, joints=joints)
+        return reactions(self.tree, state, q, total, u, frame=frame, part=part, joints=joints)
 
     # --- energies, places ---
 

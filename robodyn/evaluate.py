@@ -21,7 +21,7 @@ from .errors import ModelError
 from .loads import Load
 from .model import Mechanism
 from .questions import Answer, Evolution, ForwardDynamics, Question
-from .trust import margin, refuse_impossible, refuse_massless, refuse_undetermined
+from .trust import margin, refuse_impossible, refuse_infinite, refuse_massless, refuse_undetermined
 
 BACKENDS = ("native", "numpy", "mpmath")
 DEFAULT = "native" if find_spec("llvmlite") else "numpy"
@@ -87,6 +87,7 @@ class Evaluator:
                 raise ModelError(f"the equations of robot {self.robot.name!r} are singular at this state") from None
         if answer.solution is not None:
             refuse_undetermined(self.robot, self.views().lumped.tree, answer.solution)
+        refuse_infinite(answer.values)
         batch, shapes = next(iter(checked.values())).shape[:-1], question.shapes(self.robot)
         return {name: np.array(np.broadcast_to(x, batch + shapes[name])) for name, x in answer.values.items()}
 
@@ -163,6 +164,6 @@ def guards_of(robot: Mechanism, views: Views, answer: Answer, q: Array | None) -
     if q is not None:
         guards += [inputs.UNIT_TOLERANCE - abs(phi) for _, phi in views.lumped.side_conditions(q)]
     if answer.solution is not None:
-        _, pivots, scales = answer.solution
-        guards += [p - margin(robot.nv) * s for p, s in zip(pivots, scales, strict=True)]
+        scales = margin(robot.nv) * views.lumped.tree.pivot_scales
+        guards += [pivot - scale for pivot, scale in zip(answer.solution.pivots, scales, strict=True)]
     return [guard[()] if isinstance(guard, np.ndarray) else guard for guard in guards]

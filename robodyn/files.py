@@ -24,9 +24,7 @@ def atomic_write(path: str | os.PathLike[str], data: str | bytes, *, mode: int =
             file.write(data)
             file.flush()
             os.fsync(file.fileno())
-        umask = os.umask(0)
-        os.umask(umask)
-        os.chmod(temporary, mode & ~umask)
+        os.chmod(temporary, _mode(target, mode))
         os.replace(temporary, target)
     except OSError as error:
         raise FileError(f"cannot write {str(path)!r}: {error.strerror or error}. Choose a folder that exists and has room") from error
@@ -50,3 +48,12 @@ def writable(path: str | os.PathLike[str]) -> Path:
     except (OSError, ValueError) as error:
         raise FileError(f"cannot write {str(path)!r}: {error}") from error
     return target
+
+
+def _mode(target: Path, mode: int) -> int:
+    """The permissions of the file that is replaced, or what the umask leaves of `mode`."""
+    with contextlib.suppress(OSError):
+        return stat.S_IMODE(target.stat().st_mode)
+    umask = os.umask(0)
+    os.umask(umask)
+    return mode & ~umask

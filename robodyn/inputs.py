@@ -55,7 +55,7 @@ def vector3(name: str, value: object) -> Array:
 
 def size(robot: Mechanism, name: str) -> int:
     """Length of the array that goes by a name: q, u, or v, a, tau."""
-    return {"q": robot.nq, "u": robot.nu}.get(name, robot.nv)
+    return {"q": robot.nq, "q0": robot.nq, "u": robot.nu}.get(name, robot.nv)
 
 
 def checked(robot: Mechanism, arrays: Mapping[str, object], *, objects: bool = False) -> dict[str, Array]:
@@ -63,8 +63,8 @@ def checked(robot: Mechanism, arrays: Mapping[str, object], *, objects: bool = F
     q_labels, v_labels = ([name for name, _ in table] for table in robot.coordinate_names())
     found = {}
     for name, value in arrays.items():
-        n, meaning = size(robot, name), {"q": "nq", "u": "nu"}.get(name, "nv")
-        labels = {"q": q_labels, "u": ()}.get(name, v_labels)
+        n, meaning = size(robot, name), {"q": "nq", "q0": "nq", "u": "nu"}.get(name, "nv")
+        labels = {"q": q_labels, "q0": q_labels, "u": ()}.get(name, v_labels)
         found[name] = array(name, np.zeros(n) if value is None else value, n, f"{meaning} of {robot.name!r}", labels, objects=objects)
     batch = broadcast(**found)
     return {name: np.broadcast_to(x, (*batch, x.shape[-1])) for name, x in found.items()}

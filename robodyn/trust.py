@@ -1,7 +1,10 @@
 """Whether a motion is determined: what is refused, by name, when accelerations are asked for."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
+from .arithmetic import Array
 from .errors import ModelError
 from .formalism.solution import Solution
 from .model import Mechanism, Tree
@@ -18,6 +21,10 @@ def refuse_impossible(mechanism: Mechanism, tree: Tree) -> None:
     """ModelError where a body has a negative moment of inertia: no matter moves so."""
     for body in tree.bodies:
         moments = np.linalg.eigvalsh(body.inertia.about_own_centre)
+        if body.inertia.mass < 0:
+            raise ModelError(
+                f"the body of link {mechanism.links[body.link].name!r} has the mass {body.inertia.mass:.6g} kg: it cannot be negative"
+            )
         # The sums and Steiner terms of a lumped body leave a few roundings of Θ about O.
         if moments[0] < -64 * EPS * np.trace(abs(body.inertia.tensor)):
             name, values = mechanism.links[body.link].name, ", ".join(f"{m:.6g}" for m in moments)
@@ -43,19 +50,19 @@ def refuse_massless(mechanism: Mechanism, tree: Tree) -> None:
 
 def refuse_undetermined(mechanism: Mechanism, tree: Tree, solution: Solution) -> None:
     """ModelError where a freedom showed no inertia, or an acceleration is not finite; it names the joint and the state."""
-    pivots, scales = solution.pivots.astype(float), solution.scales.astype(float)
-    lost = ~(pivots > margin(mechanism.nv) * abs(scales))
+    pivots, scales = solution.pivots.astype(float), tree.pivot_scales
+    lost = ~((pivots > margin(mechanism.nv) * scales) & np.isfinite(pivots))
     if lost.any():
         refuse_massless(mechanism, tree)
         # Of the first state with one, the freedom eliminated first: what comes after it is spoilt by it.
         first = tuple(int(i) for i in np.argwhere(lost.any(-1))[0])
         index = (*first, int(np.flatnonzero(lost[first])[-1]))
-        if not np.isfinite(scales[index]):
+        if not np.isfinite(pivots[index]):
             name = _joint(mechanism, index[-1])
             raise ModelError(f"the inertia that joint {name!r} moves is not finite{_at(first)}: displacements are too large for float64")
         raise ModelError(
-            f"joint {_joint(mechanism, index[-1])!r} of robot {mechanism.name!r} has no inertia to accelerate{_at(index[:-1])}: "
-            f"its pivot is {pivots[index]:.3g} of {scales[index]:.3g}. Give the links beyond it mass off its axis, or lock it"
+            f"joint {_joint(mechanism, index[-1])!r} of {mechanism.name!r} has no inertia to accelerate{_at(index[:-1])}: "
+            f"its pivot is {pivots[index]:.3g}, of up to {scales[index[-1]]:.3g}. Give the links beyond it mass off its axis, or lock it"
         )
     bad = np.argwhere(~np.isfinite(solution.vdot.astype(float)))
     if len(bad):
@@ -73,3 +80,12 @@ def _joint(mechanism: Mechanism, column: int) -> str:
 
 def _at(index: tuple[int, ...]) -> str:
     return f" in state [{', '.join(map(str, index))}]" if index else ""
+
+
+def refuse_infinite(values: Mapping[str, Array]) -> None:
+    """ModelError where an answer is not finite although every argument was."""
+    for x in values.values():
+        bad = np.argwhere(~np.isfinite(np.asarray(x).astype(float)))
+        if len(bad):
+            index = tuple(int(i) for i in bad[0])
+            raise ModelError(f"the result{_at(index)} is not finite: displacements, velocities or forces are too large for float64")

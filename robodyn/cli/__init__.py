@@ -9,9 +9,9 @@ from collections.abc import Sequence
 
 from .. import __version__
 from ..errors import RobodynError, RobodynWarning
-from . import check, info, simulate, view
+from . import bench, cache, check, info, simulate, view
 
-COMMANDS = {"info": info, "check": check, "simulate": simulate, "view": view}
+COMMANDS = {"info": info, "check": check, "simulate": simulate, "view": view, "bench": bench, "cache": cache}
 
 EPILOG = """examples:
   robodyn info robots/ur5e.urdf

@@ -77,7 +77,7 @@ def _report(trajectory: Trajectory) -> None:
     print(f"  {stats['steps']} steps, {stats['evaluations']} evaluations, {stats['wall_time']:.3g} s of wall time")
     largest = float(energy.kinetic.max())
     share = f", {energy.drift / largest:.1e} of the largest kinetic energy {largest:.4g} J" if largest > 0 else ""
-    print(f"  energy drift {energy.drift:.1e} J{share}; the loads took out {0.0 - energy.work[-1]:.4g} J\n")
+    print(f"  energy drift {energy.drift:.1e} J{share}; the loads took out {0.0 - energy.work[-1]:.4g} J")
     reactions = trajectory.reactions()
     rows = []
     for name in reactions.joint_names:
@@ -86,6 +86,7 @@ def _report(trajectory: Trajectory) -> None:
             size = np.linalg.norm(reactions[name][:, part], axis=-1)
             row += [number(size.max()), f"{trajectory.t[size.argmax()]:.3f}"]
         rows.append(row)
+    print(f"  drift and the largest reactions below are those of the {len(trajectory.t)} states kept; --fps keeps more\n")
     print_table(("largest reaction at joint", "force [N]", "at [s]", "moment [N m]", "at [s]"), rows)
 
 

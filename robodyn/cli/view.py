@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..errors import InputError
 from ..simulation import Trajectory
 from ..view import write_html
 from .common import load_robot, loading_arguments
@@ -21,7 +22,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     source = Path(options.robot)
     output = Path(options.output or f"{source.stem}.html")
-    if source.suffix == ".npz":
+    if _is_run(source):
+        if options.lock or options.floating_base or options.package_dir:
+            raise InputError(f"{source} is a saved run: --lock, --floating-base and --package-dir belong to URDF files")
         Trajectory.load(source).to_html(output)
     else:
         robot = load_robot(options)
@@ -30,3 +33,12 @@ def run(options: argparse.Namespace) -> int:
     if options.open:
         webbrowser.open(output.resolve().as_uri())
     return 0
+
+
+def _is_run(path: Path) -> bool:
+    """Whether a file is a zip archive, as every .npz is, whatever its name."""
+    try:
+        with open(path, "rb") as file:
+            return file.read(2) == b"PK"
+    except OSError:
+        return path.suffix == ".npz"

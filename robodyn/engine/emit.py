@@ -53,7 +53,7 @@ def module(program: Program, lanes: int) -> str:
     """IR text with `i64 @run(ptr in…, i64 stride…, ptr out…, i64 count)`, for a count of 0, or of at least `lanes`.
 
     in: one pointer per input, to rows of doubles, `stride` doubles apart (0: one row for all); out: rows without gaps. Returns the
-    first row of the first block in which an input or output is not finite or a guard not positive, or −1.
+    first row of the first block in which an input, output or guard is not finite or a guard not positive, or −1.
     """
     t = Type(lanes)
     part = Part(program, t, "piece")
@@ -191,6 +191,8 @@ def _run(part: Part, t: Type) -> Iterator[str]:
     for n, i in enumerate(dict.fromkeys(program.guards)):
         yield f"  %gp{n} = getelementptr {F}, ptr %slots, i64 {slots[i]}"
         yield f"  %gv{n} = load {F}, ptr %gp{n}"
+        yield f"  %gf{n} = call {F} @llvm.fma.{t.name}({F} %gv{n}, {F} {t.constant(0.0)}, {F} {finite})"
+        finite = f"%gf{n}"
         yield f"  %gc{n} = fcmp ogt {F} %gv{n}, {t.constant(0.0)}"
         if ok is not None:
             yield f"  %ga{n} = and {t.bool} %gc{n}, {ok}"

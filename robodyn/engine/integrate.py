@@ -144,7 +144,8 @@ class _Writer:
         good = c.value(f"fcmp oeq {t.float} {c.get(t.float, total)}, {t.constant(0.0)}")
         for i in dict.fromkeys(self.f.program.guards):
             guard = c.get(t.float, c.at(t.float, self.fs, self.f.slots[i]))
-            good = c.binary("and", t.bool, good, c.value(f"fcmp ogt {t.float} {guard}, {t.constant(0.0)}"))
+            finite = c.value(f"fcmp olt {t.float} {guard}, {t.constant(float('inf'))}")
+            good = c.binary("and", t.bool, c.binary("and", t.bool, good, finite), c.value(f"fcmp ogt {t.float} {guard}, {t.constant(0.0)}"))
         if t.lanes == 1:
             return good
         return c.value(f"icmp eq i{t.lanes} {c.value(f'bitcast {t.bool} {good} to i{t.lanes}')}, -1")

@@ -22,10 +22,10 @@ def nonrecursive(tree: Tree, q: Array, v: Array, tau: Array, wrenches: Wrenches,
     """η̇ (..., nv) at q (..., nq), v (..., nv) for the coordinate forces tau (..., nv)."""
     state = motion(tree, q, v)
     k = tau - bias_forces(tree, state, wrenches, gravity)
-    inertias, meets = composites(tree, state), ldl.couplings(tree)
-    rows, pivots, reciprocals = ldl.factorise(mass_matrix(tree, state, inertias, dtype_of(q, v, tau)), meets)
+    meets = ldl.couplings(tree)
+    rows, pivots, reciprocals = ldl.factorise(mass_matrix(tree, state, dtype_of(q, v, tau)), meets)
     vdot = ldl.solve(rows, reciprocals, [k[..., i] for i in range(tree.nv)], meets)
-    return Solution.stack(vdot, pivots, sizes(tree, state, inertias))
+    return Solution.stack(vdot, pivots)
 
 
 def composites(tree: Tree, state: Motion) -> list[RigidInertia]:
@@ -37,8 +37,9 @@ def composites(tree: Tree, state: Motion) -> list[RigidInertia]:
     return composite
 
 
-def mass_matrix(tree: Tree, state: Motion, composite: list[RigidInertia], dtype: np.dtype) -> Array:
+def mass_matrix(tree: Tree, state: Motion, dtype: np.dtype) -> Array:
     """M̂ = JᵀMJ (..., nv, nv), symmetric."""
+    composite = composites(tree, state)
     M = zeros((*batch_of(state), tree.nv, tree.nv), dtype)
     for i, body in enumerate(tree.bodies):
         if not body.joint.nv:
@@ -53,15 +54,6 @@ def mass_matrix(tree: Tree, state: Motion, composite: list[RigidInertia], dtype:
             M[..., tree.bodies[j].v, body.v] += block
             M[..., body.v, tree.bodies[j].v] += transpose(block)
     return M
-
-
-def sizes(tree: Tree, state: Motion, composite: list[RigidInertia]) -> list[Array]:
-    """Per coordinate, the size (...) of the sums that its pivot is left over from."""
-    found: list[Array] = [np.zeros(())] * tree.nv
-    for body, S, inertia in zip(tree.bodies, state.subspace, composite, strict=True):
-        for k in range(body.joint.nv):
-            found[body.v.start + k] = found[body.v.start + k] + inertia.size_along(S[..., :, k])
-    return found
 
 
 def bias_forces(tree: Tree, state: Motion, wrenches: Wrenches, gravity: Array) -> Array:

@@ -12,7 +12,7 @@ import numpy as np
 from ..algebra import joined, mul
 from ..arithmetic import Array
 from ..errors import UnknownNameError
-from ..model import Mechanism, Tree
+from ..model import Tree
 from .kinematics import Motion, accelerations, falling_ground, joint_position, world_poses
 from .newton_euler import Wrenches, resultants
 from .spatial import angular, linear, wrench_to_parent
@@ -61,20 +61,11 @@ def joint_wrenches(tree: Tree, state: Motion, vdot: Array, wrenches: Wrenches, g
 
 
 def reactions(
-    mechanism: Mechanism,
-    tree: Tree,
-    state: Motion,
-    q: Array,
-    total: list[Array],
-    u: Array,
-    *,
-    frame: str,
-    part: str,
-    joints: tuple[int, ...],
+    tree: Tree, state: Motion, q: Array, total: list[Array], u: Array, *, frame: str, part: str, joints: tuple[int, ...]
 ) -> Array:
     """The wrenches (..., n, 6) of the joints with these indices, from the whole wrench through every joint.
 
-    `tree` is open at every one of them. u (..., nu): the joints' own forces.
+    `tree` is open at every joint: each link is a body of its own. u (..., nu): the joints' own forces.
     """
     world = world_poses(tree, state.pose) if frame == "world" else []
     found = [np.zeros((0, 6))]
@@ -86,10 +77,7 @@ def reactions(
         if frame == "world":
             f = turned(world[i].R, f)
         elif frame == "parent":
-            # Resolved in the parent link, which may sit askew on the parent body.
-            parent = mechanism.joints[link].parent
-            askew = tree.link_rotation[parent].T if parent >= 0 else np.eye(3)
-            f = turned(askew @ state.pose[i].R, f)
+            f = turned(state.pose[i].R, f)
         found.append(f[..., None, :])
     batch = np.broadcast_shapes(*(f.shape[:-2] for f in found))
     return np.concatenate([np.broadcast_to(f, batch + f.shape[-2:]) for f in found], axis=-2)

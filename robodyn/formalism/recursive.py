@@ -26,16 +26,15 @@ def recursive(tree: Tree, q: Array, v: Array, tau: Array, wrenches: Wrenches, gr
         p[i] = p[i] - f
 
     # Pass 2, inward: what each joint lets through of the inertia A and the bias wrench p beyond it.
-    eliminated: dict[int, tuple[Array, Array, Array, Array, Array]] = {}
+    eliminated: dict[int, tuple[Array, Array, Array, Array]] = {}
     for i in reversed(range(len(tree.bodies))):
         body = tree.bodies[i]
-        scales = [A[i].size_along(state.subspace[i][..., :, k]) for k in range(body.joint.nv)]
         for k in reversed(range(body.joint.nv)):
             s = state.subspace[i][..., :, k]
             U = A[i].times(s)
             pivot, e = dot(s, U), tau[..., body.v.start + k] - dot(s, p[i])
             d = 1.0 / pivot
-            eliminated[body.v.start + k] = (U, d, e, pivot, scales[k])
+            eliminated[body.v.start + k] = (U, d, e, pivot)
             A[i] = A[i].without(s, U, d)
             p[i] = p[i] + U * column(d * e)
         if body.parent >= 0:
@@ -49,9 +48,8 @@ def recursive(tree: Tree, q: Array, v: Array, tau: Array, wrenches: Wrenches, gr
     for i, body in enumerate(tree.bodies):
         a_i = twist_to_child(state.pose[i], a[body.parent] if body.parent >= 0 else falling_ground(gravity)) + state.bias[i]
         for k in range(body.joint.nv):
-            U, d, e, _, _ = eliminated[body.v.start + k]
+            U, d, e, _ = eliminated[body.v.start + k]
             vdot.append((e - dot(U, a_i)) * d)
             a_i = a_i + state.subspace[i][..., :, k] * column(vdot[-1])
         a.append(a_i)
-    order = range(tree.nv)
-    return Solution.stack(vdot, [eliminated[k][3] for k in order], [eliminated[k][4] for k in order])
+    return Solution.stack(vdot, [eliminated[k][3] for k in range(tree.nv)])

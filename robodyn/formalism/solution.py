@@ -1,10 +1,9 @@
-"""What a forward route returns: η̇, and how far each pivot stood from nothing."""
+"""What a forward route returns: η̇, and the pivots it divided by."""
 
 from typing import NamedTuple, Self
 
 import numpy as np
 
-from ..algebra import frozen
 from ..arithmetic import Array
 
 
@@ -13,12 +12,10 @@ class Solution(NamedTuple):
 
     vdot: Array  # η̇ (..., nv)
     pivots: Array  # (..., nv): D of M̂ = LᵀDL, sᵀAs of the articulated inertias
-    scales: Array  # (..., nv): the sums those pivots were left over from; pivots ≤ rounding of these mean nothing
 
     @classmethod
-    def stack(cls, vdot: list[Array], pivots: list[Array], scales: list[Array]) -> Self:
+    def stack(cls, vdot: list[Array], pivots: list[Array]) -> Self:
         """From one array (...) per coordinate."""
         if not vdot:
-            return cls(*(frozen(np.zeros(0)) for _ in range(3)))
-        columns = (np.broadcast_arrays(*(np.asarray(x) for x in xs)) for xs in (vdot, pivots, scales))
-        return cls(*(np.stack(xs, axis=-1) for xs in columns))
+            return cls(np.zeros(0), np.zeros(0))
+        return cls(*(np.stack(np.broadcast_arrays(*(np.asarray(x) for x in xs)), axis=-1) for xs in (vdot, pivots)))

@@ -87,10 +87,6 @@ class RigidInertia(NamedTuple):
         turned = mirrored(R @ self.tensor @ transpose(R))
         return RigidInertia(mirrored(turned - xh - transpose(xh) - self.mass * (x @ x)), h + self.mass * X.r, self.mass)
 
-    def size_along(self, s: Array) -> Array:
-        """A scale (...) for sᵀ M s: below rounding of this, the product means nothing."""
-        return size_along(np.trace(self.tensor, axis1=-2, axis2=-1), 3.0 * self.mass, s)
-
     def matrix(self) -> Array:
         """M_i (..., 6, 6)."""
         hx = skew(self.moment)
@@ -141,15 +137,6 @@ class ArticulatedInertia(NamedTuple):
         Theta, H, M = mirrored(R @ self.Theta @ Rt), R @ self.H @ Rt, mirrored(R @ self.M @ Rt)
         shifted = H + x @ M
         return ArticulatedInertia(mirrored(Theta + x @ transpose(H) - shifted @ x), shifted, M)
-
-    def size_along(self, s: Array) -> Array:
-        """A scale (...) for sᵀ A s: below rounding of this, a pivot means nothing."""
-        return size_along(np.trace(self.Theta, axis1=-2, axis2=-1), np.trace(self.M, axis1=-2, axis2=-1), s)
-
-
-def size_along(moments: Array, masses: Array | float, s: Array) -> Array:
-    """The traces of Θ and of the mass block, for the angular and the linear part of s (..., 6)."""
-    return moments * (angular(s) * angular(s)).sum(-1) + masses * (linear(s) * linear(s)).sum(-1)
 
 
 def coordinate_axis(s: Array) -> int | None:

@@ -65,6 +65,11 @@ class State:
 class Load:
     """Forces f̌ᵗ in joints and on links. Override what the load has."""
 
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if isinstance(value, dict):  # the user's dictionary may change, the load does not
+                object.__setattr__(self, name, dict(value))
+
     conservative: ClassVar[bool] = False  # its work is minus the change of `potential`
 
     def check(self, mechanism: Mechanism) -> None:

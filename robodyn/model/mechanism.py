@@ -80,6 +80,8 @@ class Mechanism:
         for i, joint in enumerate(self.joints):
             if not (-1 <= joint.parent < i):
                 raise ModelError(f"joint {joint.name!r} (number {i}) must come after its parent link (number {joint.parent})")
+            if joint.mimic and not (0 <= joint.mimic.leader < len(self.joints) and self.joints[joint.mimic.leader].mimic is None):
+                raise ModelError(f"joint {joint.name!r} mimics joint number {joint.mimic.leader}, which does not own its coordinate")
         for kind, names in (("link", [a.name for a in self.links]), ("joint", [a.name for a in self.joints])):
             if len(set(names)) < len(names):
                 twice = sorted({n for n in names if names.count(n) > 1})

@@ -48,6 +48,26 @@ class Tree:
         columns = [body.v.start for body in self.bodies if body.joint.nv]
         return len(set(columns)) < len(columns)
 
+    @cached_property
+    def pivot_scales(self) -> Array:
+        """Per coordinate, an upper bound (nv,) of the inertia that it can have to move, in any position.
+
+        √(second moment) about a point at the distance d grows by at most √m d (Minkowski); joints that slide count as 1 m long.
+        """
+        moments = [float(np.trace(body.inertia.tensor)) for body in self.bodies]
+        masses = [float(body.inertia.mass) for body in self.bodies]
+        scales = np.zeros(self.nv)
+        for i in reversed(range(len(self.bodies))):
+            body = self.bodies[i]
+            S = np.asarray(body.joint.motion(body.joint.neutral()), dtype=float) * body.ratio
+            turning, sliding = (S[:3] ** 2).sum(0), (S[3:] ** 2).sum(0)
+            scales[body.v] += abs(moments[i]) * turning + abs(masses[i]) * sliding
+            if body.parent >= 0:
+                length = np.linalg.norm(body.translation.astype(float)) + float(sliding.any())
+                moments[body.parent] += (np.sqrt(abs(moments[i])) + np.sqrt(abs(masses[i])) * length) ** 2
+                masses[body.parent] += masses[i]
+        return scales
+
 
 def lump(mechanism: Mechanism, cut: Collection[int] = ()) -> Tree:
     """The bodies of a mechanism: links on fixed joints become part of the body that carries them.

@@ -73,7 +73,7 @@ def simulate_many(
     wanted = np.array([t_end]) if fps is None and times is None else output_times(t0, t_end, fps, times)
     assert wanted is not None
 
-    states = inputs.checked(scene.robot, {"q": scene.robot.neutral() if q0 is None else q0, "v": v0})
+    states = inputs.checked(scene.robot, {"q0": scene.robot.neutral() if q0 is None else q0, "v0": v0})
     q, v = (np.atleast_2d(x) for x in states.values())
     if q.ndim != 2:
         raise InputError(f"q0 and v0 have the leading dimensions {q.shape[:-1]}: give (N, nq) and (N, nv)")

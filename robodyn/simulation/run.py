@@ -67,14 +67,16 @@ def simulate(
         raise InputError(f"t_end={t_end} must be later than t0={t0}")
     if min(rtol, atol, dt) <= 0 or rtol < 1e-13:
         raise InputError(f"rtol={rtol:g}, atol={atol:g} and dt={dt:g} must be positive, rtol at least 1e-13: float64 resolves no more")
+    if not isinstance(progress, bool) and not callable(progress):
+        raise InputError(f"progress={progress!r} must be True, False, or a function of the share done")
     wanted = output_times(t0, t_end, fps, times)
 
     # The initial state, and whether it can move at all.
-    state = inputs.checked(scene.robot, {"q": scene.robot.neutral() if q0 is None else q0, "v": v0})
-    if state["q"].ndim != 1:
-        raise InputError(f"q0 and v0 have the leading dimensions {state['q'].shape[:-1]}: give one state, (nq,) and (nv,)")
-    scene.evaluator.ask(Result(formalism), "numpy", t=t0, q=state["q"], v=state["v"], tau=None)
-    x0 = np.concatenate([scene.equations().project(state["q"]), state["v"], [0.0]])
+    state = inputs.checked(scene.robot, {"q0": scene.robot.neutral() if q0 is None else q0, "v0": v0})
+    if state["q0"].ndim != 1:
+        raise InputError(f"q0 and v0 have the leading dimensions {state['q0'].shape[:-1]}: give one state, (nq,) and (nv,)")
+    scene.evaluator.ask(Result(formalism), "numpy", t=t0, q=state["q0"], v=state["v0"], tau=None)
+    x0 = np.concatenate([scene.equations().project(state["q0"]), state["v0"], [0.0]])
 
     integration = _Integration(scene, t0, t_end, x0, method, formalism, {"rtol": rtol, "atol": atol, "dt": dt})
     in_native_code = backend == "native" and METHODS[method].tableau is not None and formalism not in SADDLES
@@ -100,6 +102,8 @@ def simulate(
         "completed": integration.reached == t_end,
     }
     trajectory = _finished(scene, integration.found, formalism, backend, stats)
+    if failure is None and len(trajectory.t) < len(integration.found):
+        failure = SimulationError(f"after t={trajectory.t[-1]:.6g} s the states mean nothing: the integration is unstable. Reduce dt")
     if failure is not None:
         failure.trajectory = trajectory  # type: ignore[assignment]
         raise failure
@@ -210,7 +214,13 @@ def _finished(scene: Scene, found: Found, formalism: str, backend: str, stats: d
     t = np.array([t for t, _ in found])
     x = np.array([x for _, x in found]).reshape(-1, nq + nv + 1)
     q, v, work = x[:, :nq], x[:, nq : nq + nv], x[:, nq + nv]
-    got = scene.evaluator.ask(Result(formalism), backend, t=t, q=q, v=v, tau=None)
+    try:
+        got = scene.evaluator.ask(Result(formalism), backend, t=t, q=q, v=v, tau=None)
+    except ModelError:
+        # The last states may be what the integration failed at: keep what comes before them.
+        if len(found) <= 1:
+            raise
+        return _finished(scene, found[: max(1, len(found) * 9 // 10)], formalism, backend, stats | {"completed": False})
     return Trajectory(scene=scene, t=t, q=q, v=v, a=got["vdot"], u=got["u"], work=work, stats=stats)
 
 
@@ -245,7 +255,7 @@ def output_times(t0: float, t_end: float, fps: float | None, times: Sequence[flo
 @contextmanager
 def _reporter(progress: bool | Progress) -> Iterator[Progress]:
     """A function that is told the share done; a bar on standard error for True."""
-    if not isinstance(progress, bool):
+    if callable(progress):
         yield progress
         return
     if not progress:

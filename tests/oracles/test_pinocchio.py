@@ -8,10 +8,12 @@ import pytest
 
 pin = pytest.importorskip("pinocchio", reason="the oracle needs pin and example-robot-data: pip install '.[test]'")
 
-from pinocchio_model import DATA, ROBOTS, Pair, swap  # noqa: E402
+import real_robots  # noqa: E402
+from real_robots import DATA, ROBOTS  # noqa: E402
 from tools import EPS, ROUTES, condition, error  # noqa: E402
 
 import robodyn as rd  # noqa: E402
+from robodyn.report.pinocchio import swap  # noqa: E402
 
 # Both sides round: paths are up to 12 joints deep (24 roundings of a product of rotations each), Pinocchio's rotations
 # come from the file by other formulas than ours (1 ulp of data), and κ carries that into accelerations.
@@ -25,7 +27,7 @@ C = 100
 )
 def pair(request):
     name, floating = request.param
-    return Pair(DATA / ROBOTS[name], floating)
+    return real_robots.pair(name, floating_base=floating)
 
 
 def states(pair, count=3):

@@ -805,9 +805,9 @@ def test_motion_that_is_undetermined_from_the_start():
         ({"times": []}, "times must ascend"),
         ({"times": 0.5}, "times"),
         ({"times": [0.1, np.nan]}, r"times\[1\] is nan"),
-        ({"q0": [0.0, 0.0]}, r"q has the shape \(2,\)"),
+        ({"q0": [0.0, 0.0]}, r"q0 has the shape \(2,\)"),
         ({"q0": [[0.0]]}, r"leading dimensions \(1,\)"),
-        ({"v0": [np.nan]}, r"v\[0\] \(slide\) is nan"),
+        ({"v0": [np.nan]}, r"v0\[0\] \(slide\) is nan"),
     ],
 )
 def test_arguments_that_make_no_sense(options, message):
@@ -822,7 +822,14 @@ COMMAND = "import sys; from robodyn.cli import main; sys.exit(main())"
 
 def interrupted(arguments, ready, **options):
     """Run a program, send it SIGINT as soon as `ready` says so, and return its code, output and errors."""
-    process = subprocess.Popen([sys.executable, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **options)
+    process = subprocess.Popen(
+        [sys.executable, *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a shell's background job would hand down that it is ignored
+        **options,
+    )
     try:
         ready(process)
         process.send_signal(signal.SIGINT)

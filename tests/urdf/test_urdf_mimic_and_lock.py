@@ -4,9 +4,9 @@ import warnings
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from robodyn import InputError, ModelError, RobodynWarning
-from robodyn.algebra import rotation_from_rpy
 from robodyn.joints import Fixed, Revolute
 
 EPS = np.finfo(float).eps
@@ -29,7 +29,7 @@ def mimic(leader, multiplier=1.0, offset=0.0):
 
 def angle(joint):
     """How far a locked joint of `chain` is turned about z [rad]."""
-    R = rotation_from_rpy(np.array([0.1, 0.2, 0.3])).T @ joint.rotation
+    R = Rotation.from_euler("xyz", [0.1, 0.2, 0.3]).as_matrix().T @ joint.rotation
     return np.arctan2(R[1, 0], R[0, 0])
 
 

@@ -1,39 +1,18 @@
-"""A robot of example-robot-data in Pinocchio and in robodyn, and the maps between their coordinates.
+"""A robot in Pinocchio and in robodyn, and the maps between their coordinates: the peer of benchmarks and the oracle of tests.
 
 Pinocchio orders joints by name, stacks six-vectors linear first, stores quaternions (x, y, z, w) and continuous joints as
 (cos, sin), and gives mimic joints coordinates of their own: a mimic robot's motion is Pinocchio's with η = G η_own.
 """
 
-import sysconfig
-import warnings
-from pathlib import Path
+import os
+from typing import Any
 
 import numpy as np
-import pinocchio as pin
+import pinocchio
 
-import robodyn as rd
+from ..model import Mechanism
 
-DATA = Path(sysconfig.get_paths()["purelib"]) / "cmeel.prefix/share/example-robot-data/robots"
-
-ROBOTS = {
-    "ur5": "ur_description/urdf/ur5_robot.urdf",
-    "ur10": "ur_description/urdf/ur10_robot.urdf",
-    "panda": "panda_description/urdf/panda.urdf",
-    "talos_reduced": "talos_data/robots/talos_reduced.urdf",
-    "talos_full": "talos_data/robots/talos_full_v2.urdf",
-    "solo12": "solo_description/robots/solo12.urdf",
-    "hyq": "hyq_description/robots/hyq_no_sensors.urdf",
-    "anymal_c": "anymal_c_simple_description/urdf/anymal.urdf",
-    "anymal_b": "anymal_b_simple_description/robots/anymal.urdf",
-    "kinova": "kinova_description/robots/kinova.urdf",
-    "romeo": "romeo_description/urdf/romeo_small.urdf",
-    "tiago": "tiago_description/robots/tiago.urdf",
-    "icub": "icub_description/robots/icub_reduced.urdf",
-    "allegro_hand": "allegro_hand_description/urdf/allegro_right_hand.urdf",
-    "z1": "z1_description/urdf/z1.urdf",
-    "bolt": "bolt_description/robots/bolt.urdf",
-    "go1": "go1_description/urdf/go1.urdf",
-}
+pin: Any = pinocchio  # its stubs lack most of it
 
 
 def swap(f):
@@ -44,12 +23,10 @@ def swap(f):
 class Pair:
     """One robot in both libraries."""
 
-    def __init__(self, path: Path, floating_base: bool) -> None:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", rd.RobodynWarning)  # what real files contain is reported, and tested elsewhere
-            self.robot = rd.load(path, floating_base=floating_base)
-        root = (pin.JointModelFreeFlyer(),) if floating_base else ()
-        self.model = pin.buildModelFromUrdf(str(path), *root)
+    def __init__(self, robot: Mechanism, path: str | os.PathLike[str]) -> None:
+        self.robot = robot
+        root = (pin.JointModelFreeFlyer(),) if robot.joints[0].type.nv else ()
+        self.model = pin.buildModelFromUrdf(os.fspath(path), *root)
         self.model.gravity.linear = np.array([0.0, 0.0, -9.81])
         self.data = self.model.createData()
         robot = self.robot
