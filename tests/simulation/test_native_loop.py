@@ -1,0 +1,109 @@
+"""The step loop in native code against the same methods in Python, and trajectories side by side in SIMD lanes."""
+
+import numpy as np
+import pytest
+from tools import case
+
+import robodyn as rd
+
+
+@pytest.fixture(scope="module")
+def moving():
+    """A tree with quaternions, damping and a load, and a state to start from."""
+    c = case(1, n=4, joint_types=("revolute", "spherical", "prismatic", "planar"), floating_base=True)
+    damping = {joint.name: 0.2 for joint in c.robot.joints if joint.type.nv}
+    return rd.Scene(c.robot, loads=[rd.JointDamping(damping), rd.LinkWrench("link_2", force=(1.0, 2.0, 3.0))]), c.q, c.v
+
+
+@pytest.mark.parametrize("method", ["rk4", "semi_implicit_euler"])
+def test_equal_steps_are_the_same_steps(moving, method):
+    """Same method, same step: only roundings differ, and 0.1 s of motion does not magnify them much."""
+    scene, q, v = moving
+    runs = [rd.simulate(scene, t_end=0.1, q0=q, v0=v, method=method, dt=2e-3, fps=70, backend=b) for b in ("native", "numpy")]
+    assert np.array_equal(runs[0].t, runs[1].t)
+    for name in ("q", "v", "a", "work"):
+        a, b = (getattr(run, name) for run in runs)
+        assert np.allclose(a, b, rtol=1e-11, atol=1e-11 * abs(b).max()), name
+    assert runs[0].stats["evaluations"] == runs[1].stats["evaluations"]
+
+
+@pytest.mark.parametrize(("method", "rtol"), [("dop853", 1e-10), ("rk45", 1e-8)])
+def test_error_control_keeps_its_promise(moving, method, rtol):
+    scene, q, v = moving
+    reference = rd.simulate(scene, t_end=0.5, q0=q, v0=v, rtol=1e-13)
+    run = rd.simulate(scene, t_end=0.5, q0=q, v0=v, method=method, rtol=rtol)
+    assert abs(run.q - reference.q).max() < 1e3 * rtol  # some dozens of steps, each within rtol, and what the motion makes of it
+    assert np.allclose(rd.simulate(scene, t_end=0.5, q0=q, v0=v, method=method, rtol=rtol, backend="numpy").q, reference.q, atol=1e3 * rtol)
+
+
+@pytest.mark.parametrize("method", ["radau", "bdf", "lsoda"])
+def test_stiff_methods(moving, method):
+    scene, q, v = moving
+    reference = rd.simulate(scene, t_end=0.1, q0=q, v0=v, rtol=1e-12)
+    run = rd.simulate(scene, t_end=0.1, q0=q, v0=v, method=method, rtol=1e-7)
+    assert abs(run.q[-1] - reference.q[-1]).max() < 1e-4  # multistep methods accumulate some hundred steps of 1e-7
+
+
+def test_semi_implicit_euler_is_of_order_one_and_bounded():
+    """Halved steps halve the error; the energy of a pendulum swings but does not drift as explicit Euler's would."""
+    pendulum = rd.load(rods())
+    reference = rd.simulate(pendulum, t_end=1.0, q0=[1.0], rtol=1e-12).q[-1]
+    errors = [
+        abs(rd.simulate(pendulum, t_end=1.0, q0=[1.0], method="semi_implicit_euler", dt=dt).q[-1] - reference)[0] for dt in (2e-3, 1e-3)
+    ]
+    assert errors[0] / errors[1] == pytest.approx(2, abs=0.1)
+    swing = rd.simulate(pendulum, t_end=30.0, q0=[1.0], method="semi_implicit_euler", dt=5e-3).energy()
+    assert swing.drift < 0.05 * swing.kinetic.max()
+
+
+def test_every_step_natively(moving):
+    scene, q, v = moving
+    run = rd.simulate(scene, t_end=0.3, q0=q, v0=v, fps=None)
+    assert len(run.t) == run.stats["steps"] + 1
+    assert (np.diff(run.t) > 0).all()
+    assert run.t[-1] == 0.3
+
+
+def test_many_trajectories_have_the_bits_of_one(moving):
+    scene, _, v = moving
+    rng = np.random.default_rng(0)
+    q0 = np.stack([scene.robot.random_state(rng)[0] for _ in range(19)])
+    many = rd.simulate_many(scene, t_end=0.05, q0=q0, v0=v, dt=1e-3, fps=100)
+    assert many.q.shape == (19, len(many.t), scene.robot.nq)
+    for i in (0, 7, 18):
+        alone = rd.simulate(scene, t_end=0.05, q0=q0[i], v0=v, method="rk4", dt=1e-3, fps=100)
+        assert np.array_equal(many.q[i], alone.q)
+        assert np.array_equal(many[i].a, alone.a)
+    assert np.array_equal(many.q, rd.simulate_many(scene, t_end=0.05, q0=q0, v0=v, dt=1e-3, fps=100, threads=1).q)
+
+
+def test_the_trajectory_that_cannot_go_on_is_named():
+    cartpole = rd.load(rods().with_name("cartpole.urdf"))
+    v0 = np.zeros((10, 2))
+    v0[6, 1] = 1e200  # its square is beyond float64
+    with pytest.raises(rd.SimulationError, match="trajectory 6"):
+        rd.simulate_many(cartpole, t_end=0.1, v0=v0)
+
+
+def test_a_control_law_is_compiled():
+    pendulum = rd.load(rods())
+    scene = rd.Scene(pendulum, loads=[rd.ControlLaw(lambda t, q, v: -8.0 * q - np.tanh(3 * v) + np.sin(5 * t))])
+    runs = [rd.simulate(scene, t_end=0.5, q0=[0.3], rtol=1e-11, backend=b) for b in ("native", "numpy")]
+    assert np.allclose(runs[0].q, runs[1].q, rtol=0, atol=1e-9)
+    assert np.allclose(runs[0].u, runs[1].u, rtol=0, atol=1e-8)
+
+
+def test_a_law_that_branches_is_told_where():
+    def law(t, q, v):
+        return -q if q[0] > 0 else q
+
+    scene = rd.Scene(rd.load(rods()), loads=[rd.ControlLaw(law)])
+    with pytest.raises(rd.InputError, match=r"test_native_loop\.py:\d+, `return -q if q\[0\] > 0 else q`.*backend='numpy'"):
+        rd.simulate(scene, t_end=0.1)
+    assert rd.simulate(scene, t_end=0.1, q0=[0.2], backend="numpy").completed
+
+
+def rods():
+    from pathlib import Path
+
+    return Path(__file__).parents[2] / "robots" / "pendulum.urdf"
