@@ -14,9 +14,9 @@ from ..arithmetic import Array
 from ..engine.compile import lanes
 from ..engine.integrate import DONE
 from ..equations import FORMALISMS, SADDLES
-from ..errors import InputError, SimulationError
+from ..errors import InputError, RobodynError, SimulationError
 from ..model import Mechanism
-from ..questions import Result
+from ..questions import Evolution, Result
 from ..scene import Scene
 from . import native
 from .methods import METHODS
@@ -92,10 +92,12 @@ def simulate_many(
         run = native.Run(advance, x0[rows].T, t0, t_end, wanted, settings)
         while (status := run.slice()) != DONE:
             if status > 1:
-                bad = [int(rows[i]) for i in range(width) if not np.isfinite(run.x[:, i]).all()] or rows.tolist()
+                bad = next(
+                    (int(row) for row, x in zip(rows, run.x.T, strict=True) if not _can_move(scene, formalism, run.t, x)), int(rows[0])
+                )
                 raise SimulationError(
-                    f"after t={run.t:.9g} s trajectory {bad[0]} stopped being finite, or one of its joints showed no inertia: reduce dt, "
-                    f"or look at q0[{bad[0]}] with `simulate`"
+                    f"after t={run.t:.9g} s trajectory {bad} stopped being finite, or one of its joints showed no inertia: reduce dt, "
+                    f"or look at q0[{bad}] with `simulate`"
                 )
         found[rows] = run.results.transpose(2, 0, 1)
 
@@ -109,3 +111,13 @@ def simulate_many(
     nq, nv = scene.robot.nq, scene.robot.nv
     stats = {"method": method, "formalism": formalism, "dt": dt, "wall_time": time.perf_counter() - started, "completed": True}
     return Trajectories(scene, wanted, found[..., :nq], found[..., nq : nq + nv], found[..., nq + nv], stats)
+
+
+def _can_move(scene: Scene, formalism: str, t: float, x: Array) -> bool:
+    """Whether a state has accelerations."""
+    nq, nv = scene.robot.nq, scene.robot.nv
+    try:
+        scene.evaluator.ask(Evolution(formalism), "numpy", t=t, q=x[:nq], v=x[nq : nq + nv], tau=None)
+    except RobodynError:
+        return False
+    return True
