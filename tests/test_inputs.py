@@ -434,6 +434,7 @@ def state_of(robot):
 ON_ALL = [*((route, backend) for route in ROUTES for backend in ("numpy", "mpmath")), ("auto", "native"), ("recursive", "native")]
 
 
+@pytest.mark.filterwarnings("error")  # a division by zero on the way is nothing for the user to read
 @pytest.mark.parametrize(("route", "backend"), ON_ALL)
 @pytest.mark.parametrize("kind", [k for k in JOINT_TYPES if k != "fixed"])
 def test_a_massless_end_is_named(kind, route, backend):
