@@ -84,6 +84,8 @@ class Evaluator:
                 answer = question.answer(views, t, **checked)
             except (np.linalg.LinAlgError, ZeroDivisionError):
                 refuse_massless(self.robot, views.lumped.tree)
+                if getattr(question, "formalism", "") in SADDLES:  # does not know which joint it is; the minimal form does
+                    self._directly(replace(question, formalism="nonrecursive"), backend, t, arrays)  # type: ignore[call-arg]
                 raise ModelError(f"the equations of robot {self.robot.name!r} are singular at this state") from None
         if answer.solution is not None:
             refuse_undetermined(self.robot, self.views().lumped.tree, answer.solution)

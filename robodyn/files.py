@@ -50,6 +50,15 @@ def writable(path: str | os.PathLike[str]) -> Path:
     return target
 
 
+def make_folder(path: str | os.PathLike[str]) -> Path:
+    """The folder, made where it is not there; FileError where it cannot be."""
+    try:
+        Path(path).mkdir(parents=True, exist_ok=True)
+    except (OSError, ValueError) as error:
+        raise FileError(f"cannot make the folder {str(path)!r}: {getattr(error, 'strerror', None) or error}") from error
+    return Path(path)
+
+
 def _mode(target: Path, mode: int) -> int:
     """The permissions of the file that is replaced, or what the umask leaves of `mode`."""
     with contextlib.suppress(OSError):

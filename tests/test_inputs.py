@@ -341,6 +341,20 @@ def test_options_that_are_not_known(arm, option, message):
         arm.robot.reactions(arm.q, arm.v, **option)
 
 
+@BOTH
+@pytest.mark.parametrize("t", ["now", None, np.nan, np.inf, [0.0, 1.0], 1j])
+def test_the_time_is_one_finite_number(arm, t, backend):
+    scene = rd.Scene(arm.robot)
+    for question in (scene.forward_dynamics, scene.reactions, scene.bias_forces):
+        with pytest.raises(rd.InputError, match=r"^t\b"):
+            question(arm.q, arm.v, t=t, backend=backend)
+
+
+def test_threads_are_a_number(arm):
+    with pytest.raises(rd.InputError, match="threads"):
+        arm.robot.forward_dynamics(np.tile(arm.q, (10_000, 1)), arm.v, threads="many")
+
+
 def test_joints_that_are_not_there(arm):
     with pytest.raises(rd.ModelError, match=r"no joint named 'joint_9': did you mean 'joint_\d'"):
         arm.robot.reactions(arm.q, arm.v, joints=["joint_1", "joint_9"])

@@ -1,6 +1,7 @@
 """Each load against a closed form, as virtual work, in both arithmetics; what a URDF declares; and what is refused by name."""
 
 import io
+import itertools
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -366,6 +367,39 @@ def test_a_control_law_of_numpy_functions_by_default(seed):
         assert error(scene.forward_dynamics(c.q, c.v, c.tau, t=0.7, backend=backend), expected) < tolerance
 
 
+class Integral:
+    """A law with a memory."""
+
+    def __init__(self):
+        self.sum = 0.0
+
+    def __call__(self, t, q, v):
+        self.sum = self.sum + 0.001 * (1.0 - q[0])
+        return -2.0 * v + self.sum
+
+
+def remembering(kind, nv):
+    """A law whose answer is no function of t, q and v."""
+    count, rng = itertools.count(), np.random.default_rng(0)
+    laws = {
+        "counts": lambda t, q, v: np.full(nv, float(next(count))),
+        "draws": lambda t, q, v: rng.normal(size=nv) - v,
+        "integrates": Integral(),
+    }
+    return laws[kind]
+
+
+@pytest.mark.parametrize("kind", ["counts", "draws", "integrates"])
+def test_a_control_law_that_remembers_is_not_frozen_in_silence(kind):
+    """Compiled, its first answer would hold for ever: it is refused with the way out, which follows it call by call."""
+    c = case(3, n=2)
+    with pytest.raises(rd.InputError, match=r"control law.*backend='numpy'"):
+        rd.Scene(c.robot, loads=[rd.ControlLaw(remembering(kind, c.robot.nv))]).forward_dynamics(c.q, c.v)
+    scene = rd.Scene(c.robot, loads=[rd.ControlLaw(remembering(kind, c.robot.nv))])
+    first, second = (scene.forward_dynamics(c.q, c.v, backend="numpy") for _ in range(2))
+    assert not np.array_equal(first, second)
+
+
 def test_a_control_law_drives_mimic_joints_at_their_leader():
     robot = rd.load(ROBOTS / "panda.urdf")
     assert robot.nu > robot.nv
@@ -420,6 +454,23 @@ def test_a_load_that_varies_in_time():
         assert np.allclose(scene.reactions([0.0], [0.0], t=t)["joint"][3], -10.0 * t, rtol=4 * EPS)
     trajectory = rd.simulate(scene, t_end=0.5, fps=4)
     assert np.allclose(trajectory.reactions()["joint"][:, 3], -10.0 * trajectory.t, rtol=4 * EPS, atol=1e-15)
+
+
+@dataclass(frozen=True, eq=False)
+class Wall(Load):
+    """A spring that pushes on one side only: a branch on a value."""
+
+    def joint_forces(self, state: State):
+        x = state.position(1)
+        return {1: np.where(x > 0, -100.0 * x, 0.0 * x)}
+
+
+def test_a_load_with_a_branch_is_refused_by_kernels_with_the_way_out():
+    """It cannot be traced; the readable reference runs it."""
+    scene = rd.Scene(body_on(Prismatic.from_axis(Z)), gravity=NONE, loads=[Wall()])
+    with pytest.raises(rd.InputError, match=r"Wall.*backend='numpy'"):
+        scene.forward_dynamics([0.1], [0.0])
+    assert np.allclose(scene.forward_dynamics([[0.1], [-0.1]], [0.0], backend="numpy"), [[-5.0], [0.0]], rtol=4 * EPS)
 
 
 # --- what the file declares --------------------------------------------------------------------------------------------

@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 import robodyn as rd
+from robodyn.cli import COMMANDS
 
 PACKAGE = Path(rd.__file__).parent
 MODULES = sorted(module.name for module in pkgutil.walk_packages([str(PACKAGE)], "robodyn."))
@@ -178,11 +179,7 @@ def test_libraries_stay_where_they_belong(library, users):
 # --- documentation -----------------------------------------------------------------------------------------------------
 
 
-SUBCOMMANDS = {
-    f"robodyn.cli.{name}.{function}"
-    for name in ("check", "info", "reactions", "report", "simulate", "view")
-    for function in ("arguments", "run")
-}
+SUBCOMMANDS = {f"{module.__name__}.{function}" for module in COMMANDS.values() for function in ("arguments", "run")}
 
 
 def public(module):

@@ -8,7 +8,7 @@ from tools import EPS, ROUTES
 
 import robodyn as rd
 from robodyn.algebra import frozen
-from robodyn.joints import Fixed, Planar, Revolute
+from robodyn.joints import Fixed, Planar, Prismatic, Revolute
 from robodyn.model import GROUND, Inertia, Joint, Link, Mimic
 
 
@@ -97,3 +97,33 @@ def test_results_beyond_float64_are_refused():
             robot.inverse_dynamics([0.1, 0.2], [1e160, 1e160], [0.0, 0.0], backend=backend)
         with pytest.raises(rd.ModelError, match="not finite"):
             robot.kinetic_energy([0.1, 0.2], [1e160, 1e160], backend=backend)
+
+
+@pytest.mark.parametrize("seed", range(24))
+def test_simple_geometry_shares_products(seed):
+    """Axes such as (1, 1, 0), equal lengths and round masses make equal products meet: what generic trees never do."""
+    rng = np.random.default_rng(seed)
+    axes = np.array([(1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 0), (1, 0, 1), (1, 1, 1), (-1, 1, 0)], dtype=float)
+    links, joints = [Link("base")], [Joint(GROUND, Fixed(), -1)]
+    for i in range(1, int(rng.integers(2, 5)) + 1):
+        kind = (Revolute, Revolute, Prismatic)[rng.integers(3)]
+        offset = rng.integers(-1, 2, 3) * 0.5
+        links.append(Link(f"link_{i}", Inertia.about_centre(1.0, rng.integers(-1, 2, 3) * 0.5, np.eye(3) * 0.5)))
+        joints.append(Joint(f"joint_{i}", kind.from_axis(axes[rng.integers(len(axes))]), int(rng.integers(i)), translation=frozen(offset)))
+    robot = rd.Robot("simple", tuple(links), tuple(joints))
+    q, v, tau = (rng.normal(size=robot.nv) for _ in range(3))
+    expected = robot.forward_dynamics(q, v, tau, backend="mpmath")
+    tolerance = 50 * np.linalg.cond(robot.mass_matrix(q)) * EPS * float(abs(expected).max())
+    for formalism in ("recursive", "nonrecursive", "auto"):
+        assert abs(robot.forward_dynamics(q, v, tau, formalism=formalism) - expected).max() < tolerance
+    assert np.isfinite(robot.reactions(q, v, tau).array).all()
+
+
+def test_one_joint_without_inertia_is_named_by_the_plainest_call():
+    point = Inertia.about_centre(1.0, np.array([0.0, 0.0, 0.3]), np.zeros((3, 3)))
+    robot = rd.Robot("r", (Link("base"), Link("bob", point)), (Joint(GROUND, Fixed(), -1), Joint("spin", Revolute.from_axis((0, 0, 1)), 0)))
+    with pytest.raises(rd.ModelError, match="'spin'"):
+        robot.forward_dynamics([0.1], [1.0])
+    for formalism in ROUTES:
+        with pytest.raises(rd.ModelError, match="'spin'"):
+            robot.forward_dynamics([0.1], [1.0], formalism=formalism)

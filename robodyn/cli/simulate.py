@@ -10,7 +10,7 @@ import numpy as np
 
 from ..arithmetic import Array
 from ..errors import InputError, SimulationError
-from ..files import writable
+from ..files import make_folder, writable
 from ..scene import EARTH, Scene
 from ..simulation import METHODS, Trajectory, simulate
 from .common import assignments, load_robot, number, print_table, robot_arguments
@@ -44,6 +44,8 @@ def run(options: argparse.Namespace) -> int:
     for path in (options.html, options.npz):
         if path is not None:
             writable(path)  # an hour of computing must not end in a folder that was never there
+    if options.csv is not None:
+        make_folder(options.csv)
     robot = load_robot(options)
     q_names, v_names = robot.coordinate_names()
     q0 = _filled("--q0", options.q0, [name for name, _ in q_names], robot.neutral())

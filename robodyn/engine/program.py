@@ -64,7 +64,8 @@ def _fused(graph: Graph, live: list[int], wanted: list[Scalar]) -> tuple[dict[in
     absorbed: set[int] = set()
     for i in live:
         op = nodes[i][0]
-        sums = [k for k in uses[i] if nodes[k][0] in ("add", "sub") and k not in fused]
+        # A sum of the product with itself needs it as a value.
+        sums = [k for k in uses[i] if nodes[k][0] in ("add", "sub") and k not in fused and nodes[k][1] != nodes[k][2]]
         if op != "mul" or i in kept or not uses[i] or len(sums) < len(uses[i]):
             continue
         a, b = nodes[i][1:]

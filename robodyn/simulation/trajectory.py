@@ -13,7 +13,7 @@ import numpy as np
 
 from ..arithmetic import Array
 from ..errors import FileError, InputError, MissingPackageError, RobodynWarning
-from ..files import atomic_write, writable
+from ..files import atomic_write, make_folder, writable
 from ..formalism.reactions import Reactions
 from ..loads import ControlLaw
 from ..questions import Energies
@@ -113,18 +113,18 @@ class Trajectory:
             raise FileError(f"{os.fspath(path)!r} is not a trajectory of robodyn, or is damaged: {error}") from error
         n, robot = arrays["t"].size, scene.robot
         sizes = {"t": (n,), "q": (n, robot.nq), "v": (n, robot.nv), "a": (n, robot.nv), "u": (n, robot.nu), "work": (n,)}
-        wrong = [name for name, shape in sizes.items() if arrays[name].shape != shape or arrays[name].dtype != float]
+        wrong = [
+            name
+            for name, shape in sizes.items()
+            if arrays[name].shape != shape or arrays[name].dtype != float or not np.isfinite(arrays[name]).all()
+        ]
         if wrong:
             raise FileError(f"{os.fspath(path)!r} is damaged: {', '.join(wrong)} are not the numbers that its robot needs")
         return cls(scene=scene, stats=stats, **arrays)
 
     def to_csv(self, folder: str | os.PathLike[str]) -> None:
         """Write states.csv, reactions.csv and energy.csv: named columns with units, every digit of the numbers."""
-        folder = Path(folder)
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise FileError(f"cannot make the folder {str(folder)!r}: {error.strerror}") from error
+        folder = make_folder(folder)
         q_names, v_names = self.scene.robot.coordinate_names()
         rates = {"rad": "rad/s²", "m": "m/s²"}
         a_names = [(name, rates[unit.removesuffix("/s")]) for name, unit in v_names]

@@ -94,6 +94,14 @@ def test_products_are_fused_where_they_vanish(xy):
     assert Counter(op for op, *_ in code) == {"in": 2, "mul": 1, "add": 1}
 
 
+def test_a_product_added_to_itself_stays(xy):
+    """p + p cannot absorb p: its other operand is p."""
+    graph, x, y = xy
+    product = x * y
+    kernel = Kernel(program(graph, {"x": 2}, {"z": np.array([product + product, product + x], dtype=object)}))
+    assert kernel((1,), {"x": np.array([3.0, 5.0])})[0]["z"].tolist() == [[30.0, 18.0]]
+
+
 def test_what_no_output_needs_is_gone(xy):
     graph, x, y = xy
     (x * y).sin()
