@@ -17,7 +17,7 @@ from .engine.graph import Graph
 from .engine.kernel import Kernel
 from .engine.program import Program, program
 from .equations import SADDLES, SWEEPS, Views
-from .errors import ModelError
+from .errors import InputError, ModelError
 from .loads import Load
 from .model import Mechanism
 from .questions import Answer, Evolution, ForwardDynamics, Question
@@ -49,6 +49,8 @@ class Evaluator:
     ) -> dict[str, Array]:
         """The arrays of the answer, with the leading dimensions that the given arrays have together; None stands for zeros."""
         inputs.choice("backend", backend, BACKENDS)
+        if threads is not None and (not isinstance(threads, int) or threads < 1):
+            raise InputError(f"threads={threads!r} must be a whole number of at least 1, or None for all cores")
         # The saddle-point routes are oracles: they choose pivots, which no kernel can.
         if backend == "native" and getattr(question, "formalism", "") not in SADDLES:
             answer = self._natively(question, t, threads, arrays)
@@ -127,7 +129,8 @@ class Evaluator:
         sizes = {name: inputs.size(self.robot, name) for name in question.needs} | {"t": 1}
         arrays = {name: graph.inputs(name, (n,)) for name, n in sizes.items()}
         t = arrays.pop("t")[0]
-        answer = question.answer(self.views(), t, **arrays)
+        with np.errstate(all="ignore"):  # a constant pivot of zero becomes a guard that fails
+            answer = question.answer(self.views(), t, **arrays)
         guards = guards_of(self.robot, self.views(), answer, arrays.get("q") if question.admissible else None)
         values = {name: np.asarray(x) for name, x in answer.values.items()}
         return program(graph, sizes, values, guards)

@@ -45,6 +45,17 @@ def as_array(name: str, value: object) -> Array:
         raise InputError(f"{name} is ragged: its rows have different lengths, and no array can hold them") from None
 
 
+def number(name: str, value: object) -> float:
+    """A finite number."""
+    try:
+        number = float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        raise InputError(f"{name}={value!r} must be a number") from None
+    if not np.isfinite(number):
+        raise InputError(f"{name}={number} must be finite")
+    return number
+
+
 def vector3(name: str, value: object) -> Array:
     """`value` as three finite numbers."""
     x = array(name, value, 3, "x, y and z")

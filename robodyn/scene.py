@@ -88,13 +88,13 @@ class Scene:
         the one with the fewest operations. The saddle-point routes are oracles and always run on NumPy.
         """
         question = questions.ForwardDynamics(inputs.choice("formalism", formalism, FORMALISMS))
-        return self.evaluator.ask(question, backend, t=t, threads=threads, q=q, v=v, tau=tau)["vdot"]
+        return self.evaluator.ask(question, backend, t=inputs.number("t", t), threads=threads, q=q, v=v, tau=tau)["vdot"]
 
     # --- what it takes and carries ---
 
     def inverse_dynamics(self, q, v, a, *, t: float = 0.0, backend: str = DEFAULT, threads: int | None = None) -> Array:
         """tau (..., nv) [N m, N] that the joints must supply, beside the loads, for the acceleration a (..., nv)."""
-        return self.evaluator.ask(questions.InverseDynamics(), backend, t=t, threads=threads, q=q, v=v, a=a)["tau"]
+        return self.evaluator.ask(questions.InverseDynamics(), backend, t=inputs.number("t", t), threads=threads, q=q, v=v, a=a)["tau"]
 
     def bias_forces(self, q, v, *, t: float = 0.0, backend: str = DEFAULT, threads: int | None = None) -> Array:
         """−k̂ᶜ − k̂ᵗ (..., nv): `inverse_dynamics` at a = 0; gravity, Coriolis and centrifugal forces, loads."""
@@ -127,7 +127,7 @@ class Scene:
         indices = self._joints(joints)
         options = inputs.choice("frame", frame, FRAMES), inputs.choice("part", part, PARTS), indices
         question = questions.JointReactions(inputs.choice("formalism", formalism, FORMALISMS), *options)
-        wrenches = self.evaluator.ask(question, backend, t=t, threads=threads, q=q, v=v, tau=tau)["wrenches"]
+        wrenches = self.evaluator.ask(question, backend, t=inputs.number("t", t), threads=threads, q=q, v=v, tau=tau)["wrenches"]
         return Reactions(tuple(self.robot.all_joint_names[i] for i in indices), wrenches, frame, part)
 
     def reactions_of(
@@ -152,7 +152,7 @@ class Scene:
 
     def potential_energy(self, q, *, t: float = 0.0, backend: str = DEFAULT, threads: int | None = None) -> Array:
         """Potential energy (...) [J] of gravity, zero with the centre of mass in the ground's origin, and of springs."""
-        return self.evaluator.ask(questions.Energies(), backend, t=t, threads=threads, q=q, v=None)["potential"][()]
+        return self.evaluator.ask(questions.Energies(), backend, t=inputs.number("t", t), threads=threads, q=q, v=None)["potential"][()]
 
     def momentum(self, q, v, *, backend: str = DEFAULT, threads: int | None = None) -> Array:
         """Angular momentum about the ground's origin [N m s] and linear momentum [N s] (..., 6), in the ground's frame."""

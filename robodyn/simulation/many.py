@@ -20,7 +20,7 @@ from ..questions import Evolution, Result
 from ..scene import Scene
 from . import native
 from .methods import METHODS
-from .run import number, output_times
+from .run import output_times
 from .trajectory import Trajectory
 
 
@@ -67,7 +67,7 @@ def simulate_many(
     names = [name for name, integrator in METHODS.items() if integrator.tableau and not integrator.adaptive]
     inputs.choice("method", method, names)
     inputs.choice("formalism", formalism, [f for f in FORMALISMS if f not in SADDLES])
-    t0, t_end, dt = (number(k, x) for k, x in (("t0", t0), ("t_end", t_end), ("dt", dt)))
+    t0, t_end, dt = (inputs.number(k, x) for k, x in (("t0", t0), ("t_end", t_end), ("dt", dt)))
     if not t_end > t0 or dt <= 0:
         raise InputError(f"t_end={t_end} must be later than t0={t0}, and dt={dt} positive")
     wanted = np.array([t_end]) if fps is None and times is None else output_times(t0, t_end, fps, times)

@@ -61,8 +61,8 @@ def simulate(
     inputs.choice("method", method, tuple(METHODS))
     inputs.choice("formalism", formalism, FORMALISMS)
     inputs.choice("backend", backend, BACKENDS[:2])
-    t0, t_end, rtol, dt = (number(k, x) for k, x in (("t0", t0), ("t_end", t_end), ("rtol", rtol), ("dt", dt)))
-    atol = rtol if atol is None else number("atol", atol)
+    t0, t_end, rtol, dt = (inputs.number(k, x) for k, x in (("t0", t0), ("t_end", t_end), ("rtol", rtol), ("dt", dt)))
+    atol = rtol if atol is None else inputs.number("atol", atol)
     if not t_end > t0:
         raise InputError(f"t_end={t_end} must be later than t0={t0}")
     if min(rtol, atol, dt) <= 0 or rtol < 1e-13:
@@ -224,17 +224,6 @@ def _finished(scene: Scene, found: Found, formalism: str, backend: str, stats: d
     return Trajectory(scene=scene, t=t, q=q, v=v, a=got["vdot"], u=got["u"], work=work, stats=stats)
 
 
-def number(name: str, value: object) -> float:
-    """A finite number."""
-    try:
-        number = float(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError):
-        raise InputError(f"{name}={value!r} must be a number") from None
-    if not np.isfinite(number):
-        raise InputError(f"{name}={number} must be finite")
-    return number
-
-
 def output_times(t0: float, t_end: float, fps: float | None, times: Sequence[float] | Array | None) -> Array | None:
     """Ascending times with t_end as the last; None: every step."""
     if times is not None:
@@ -244,7 +233,7 @@ def output_times(t0: float, t_end: float, fps: float | None, times: Sequence[flo
         return t if t[-1] == t_end else np.append(t, t_end)
     if fps is None:
         return None
-    if not number("fps", fps) > 0:
+    if not inputs.number("fps", fps) > 0:
         raise InputError(f"fps={fps} must be positive, or None for every step")
     if not (t_end - t0) * fps < MOST_FRAMES:
         raise InputError(f"{(t_end - t0) * fps:.3g} results are too many to keep: reduce fps={fps:g}, or give the times you need")
