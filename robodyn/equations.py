@@ -3,7 +3,7 @@
 Plain functions of arrays that are already checked (`inputs`), in whatever arithmetic the tree's constants are in (`scene`).
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -12,6 +12,7 @@ import numpy as np
 
 from .algebra import dot, homogeneous
 from .arithmetic import Array, dtype_of, exact, precision, zeros
+from .errors import InputError
 from .formalism import energy, kinematics
 from .formalism.constraints import coordinate_forces
 from .formalism.ldl import couplings, factorise
@@ -38,6 +39,14 @@ class Applied(NamedTuple):
     power: Array  # (...) [W] of the loads that have no potential
 
 
+def _joint_forces(load: Load, state: State) -> Mapping[int, Array]:
+    """The load's joint forces; InputError where it branches on a number that is only known when a kernel runs."""
+    try:
+        return load.joint_forces(state)
+    except TypeError as error:
+        raise InputError(f"{type(load).__name__} cannot be compiled: {error}. Run it with backend='numpy'") from error
+
+
 @dataclass(frozen=True, eq=False)
 class Equations:
     """A robot's tree with what acts on it."""
@@ -60,7 +69,7 @@ class Equations:
             power = power + dot(tau[..., mechanism.v_slices[i]], state.velocity(i))
 
         for load in self.loads:
-            for i, force in load.joint_forces(state).items():
+            for i, force in _joint_forces(load, state).items():
                 u[..., mechanism.u_slices[i]] += force
                 if not load.conservative:
                     power = power + dot(force, state.velocity(i))

@@ -28,7 +28,7 @@ class ControlLaw(Load):
     def _traced(self, state: State) -> Array:
         """The law on symbols: NumPy's arithmetic and functions pass, a branch on a value does not."""
         try:
-            tau = np.asarray(self.law(state.t, state.q, state.v), dtype=object)  # type: ignore[arg-type]
+            tau, again = (np.asarray(self.law(state.t, state.q, state.v), dtype=object) for _ in range(2))  # type: ignore[arg-type]
         except Exception as error:
             own = getattr(getattr(self.law, "__code__", None), "co_filename", None)
             frames = [f for f in traceback.extract_tb(error.__traceback__) if f.filename == own]
@@ -37,6 +37,9 @@ class ControlLaw(Load):
                 f"the control law cannot be compiled{where}: {error}. Write it with arithmetic and NumPy functions such as np.tanh, "
                 "without branches on values; or run it uncompiled with backend='numpy'"
             ) from error
+        # Compiled, its first answer would hold for ever.
+        if [getattr(x, "number", x) for x in tau.flat] != [getattr(x, "number", x) for x in again.flat]:
+            raise InputError("the control law answers the same call differently each time: it has a memory. Run it with backend='numpy'")
         if tau.shape != (state.mechanism.nv,):
             raise InputError(f"the control law returned an array of shape {tau.shape}: it must be ({state.mechanism.nv},)")
         return tau
