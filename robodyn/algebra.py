@@ -1,5 +1,7 @@
 """Vectors, rotations and quaternions on arrays of any arithmetic, with any number of leading dimensions."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from .arithmetic import Array, dtype_of, sqrt, zeros
@@ -93,6 +95,11 @@ def joined(*parts: Array) -> Array:
     """The vectors one behind the other, (..., m + n + …), leading dimensions broadcast."""
     batch = np.broadcast_shapes(*(a.shape[:-1] for a in parts))
     return np.concatenate([np.broadcast_to(a, batch + a.shape[-1:]) for a in parts], axis=-1)
+
+
+def stacked(entries: Sequence[Array]) -> Array:
+    """One array (..., n) of n entries (...), leading dimensions broadcast."""
+    return np.stack(np.broadcast_arrays(*(np.asarray(x) for x in entries)), axis=-1) if len(entries) else np.zeros(0)
 
 
 def normalised(p: Array) -> Array:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .algebra import dot, homogeneous
+from .algebra import dot, homogeneous, stacked
 from .arithmetic import Array, dtype_of, exact, precision, zeros
 from .errors import InputError
 from .formalism import energy, kinematics
@@ -110,7 +110,7 @@ class Equations:
         _, _, vdot = SADDLES[formalism](self.tree, q, v, acts.u, acts.wrenches, self.gravity)
         # Pivoting hides what is singular; the pivots of M̂ tell.
         M = self.mass_matrix(q)
-        return Solution.stack([vdot[..., i] for i in range(self.tree.nv)], factorise(M, couplings(self.tree))[1])
+        return Solution(vdot, stacked(factorise(M, couplings(self.tree))[1]))
 
     @cached_property
     def cheapest(self) -> str:
@@ -138,7 +138,7 @@ class Equations:
         """The coordinate forces (..., nv) that η̇ needs, joint loads included."""
         state = kinematics.motion(self.tree, q, v)
         f = joint_wrenches(self.tree, state, vdot, wrenches, self.gravity)
-        return coordinate_forces(self.tree, state, f, dtype_of(q, v, vdot))
+        return coordinate_forces(self.tree, state, f)
 
     def mass_matrix(self, q: Array) -> Array:
         """M̂ (..., nv, nv)."""

@@ -5,9 +5,9 @@ The saddle-point routes solve with these; the sweeps of the other routes are the
 
 import numpy as np
 
-from ..algebra import mul
+from ..algebra import mul, transpose
 from ..arithmetic import Array, zeros
-from ..model import Tree
+from ..model import Field, Tree
 from .kinematics import Motion
 from .spatial import twist_matrix
 
@@ -54,12 +54,9 @@ def relative_accelerations(tree: Tree, state: Motion, dtype: np.dtype) -> Array:
     return a
 
 
-def coordinate_forces(tree: Tree, state: Motion, wrenches: list[Array], dtype: np.dtype) -> Array:
+def coordinate_forces(tree: Tree, state: Motion, wrenches: Field) -> Array:
     """Cᵀ f̌ (..., nv) of one wrench (..., 6) per joint."""
-    tau = zeros((*batch_of(state, *wrenches), tree.nv), dtype)
-    for body, S, f in zip(tree.bodies, state.subspace, wrenches, strict=True):
-        tau[..., body.v] += mul(np.swapaxes(S, -1, -2), f)
-    return tau
+    return tree.gathered(tree.each(lambda _, S, f: mul(transpose(S), f), state.subspace, wrenches))
 
 
 def _rows(i: int) -> slice:

@@ -2,32 +2,31 @@
 
 import numpy as np
 
-from ..algebra import dot, joined, mul
+from ..algebra import dot, mul
 from ..arithmetic import Array
-from ..model import Tree
+from ..model import Body, Tree
 from .kinematics import Motion, world_poses
-from .spatial import RigidInertia, wrench_to_parent
+from .spatial import Pose, RigidInertia, wrench_to_parent
 
 
 def kinetic(tree: Tree, state: Motion) -> Array:
     """½ Σ v̌ᵀ M v̌ (...) [J]."""
-    bodies = zip(tree.bodies, state.twist, strict=True)
-    return sum((0.5 * dot(x, RigidInertia.of(b.inertia).times(x)) for b, x in bodies), start=np.zeros(()))
+    return tree.total(lambda body, x: 0.5 * dot(x, RigidInertia.of(body.inertia).times(x)), state.twist)
 
 
 def potential(tree: Tree, state: Motion, gravity: Array) -> Array:
     """−Σ m gᵀ r_S (...) [J], zero where the centre of mass is in the ground's origin."""
-    world = world_poses(tree, state.pose)
-    total = np.zeros(())
-    for body, X in zip(tree.bodies, world, strict=True):
-        total = total - dot(np.asarray(gravity), body.inertia.mass * X.r + mul(X.R, body.inertia.moment))
-    return total
+
+    def of_body(body: Body, X: Pose) -> Array:
+        return -dot(np.asarray(gravity), body.inertia.mass * X.r + mul(X.R, body.inertia.moment))
+
+    return tree.total(of_body, world_poses(tree, state.pose))
 
 
 def momentum(tree: Tree, state: Motion) -> Array:
     """Angular momentum about the ground's origin and linear momentum (..., 6) [N m s, N s], resolved in the ground's frame."""
-    world = world_poses(tree, state.pose)
-    total = joined(np.zeros(3), np.zeros(3))
-    for body, X, twist in zip(tree.bodies, world, state.twist, strict=True):
-        total = total + wrench_to_parent(X, RigidInertia.of(body.inertia).times(twist))
-    return total
+
+    def of_body(body: Body, X: Pose, twist: Array) -> Array:
+        return wrench_to_parent(X, RigidInertia.of(body.inertia).times(twist))
+
+    return tree.total(of_body, world_poses(tree, state.pose), state.twist)

@@ -9,77 +9,83 @@ import numpy as np
 
 from ..algebra import cross, joined, mul, transpose
 from ..arithmetic import Array
-from ..model import Body, Tree
+from ..model import Body, Field, Tree
 from .spatial import Pose, angular, linear, twist_to_child
 
 
 class Motion(NamedTuple):
-    """What one state (q, v) of the tree fixes, a list entry per body."""
+    """What one state (q, v) of the tree fixes, an entry per body."""
 
-    pose: list[Pose]  # of K_i in K_p(i)
-    subspace: list[Array]  # S_i (6, k), with a mimic joint's ratio: the block of C in eq. (10)
-    twist: list[Array]  # v̌_i (..., 6)
-    bias: list[Array]  # the block of ā_rel (..., 6): what of ǎ_i neither ǎ_p(i) nor η̇ explains, eq. (11)
+    pose: Field  # Pose of K_i in K_p(i)
+    subspace: Field  # S_i (6, k), with a mimic joint's ratio: the block of C in eq. (10)
+    twist: Field  # v̌_i (..., 6)
+    bias: Field  # the block of ā_rel (..., 6): what of ǎ_i neither ǎ_p(i) nor η̇ explains, eq. (11)
 
 
-def joint_position(body: Body, q: Array) -> Array:
-    """β_i (..., nq_i) of one joint; a mimic joint's follows its leader."""
-    beta = q[..., body.q]
+def joint_position(body: Body, beta: Array) -> Array:
+    """β_i (..., nq_i) of one joint from its own or its leader's coordinates."""
     return beta if body.ratio == 1 and body.offset == 0 else body.ratio * beta + body.offset
 
 
-def joint_velocity(body: Body, v: Array) -> Array:
-    """η_i (..., nv_i) of one joint."""
-    return v[..., body.v] if body.ratio == 1 else body.ratio * v[..., body.v]
+def joint_velocity(body: Body, eta: Array) -> Array:
+    """η_i (..., nv_i) of one joint from its own or its leader's velocities."""
+    return eta if body.ratio == 1 else body.ratio * eta
 
 
-def poses(tree: Tree, q: Array) -> list[Pose]:
+def relative_pose(body: Body, beta: Array) -> Pose:
+    """The pose of K_i in K_p(i)."""
+    return Pose(body.rotation, body.translation) @ Pose(*body.joint.pose(joint_position(body, beta)))
+
+
+def poses(tree: Tree, q: Array) -> Field:
     """The pose of every body in its parent's frame, at q (..., nq)."""
-
-    def pose(body: Body) -> Pose:
-        return Pose(body.rotation, body.translation) @ Pose(*body.joint.pose(joint_position(body, q)))
-
-    return [pose(body) for body in tree.bodies]
+    return tree.each(relative_pose, tree.split(q, "q"))
 
 
-def world_poses(tree: Tree, pose: list[Pose]) -> list[Pose]:
+def world_poses(tree: Tree, pose: Field) -> Field:
     """The pose of every body in the ground's frame."""
-    world: list[Pose] = []
-    for body, X in zip(tree.bodies, pose, strict=True):
-        world.append(world[body.parent] @ X if body.parent >= 0 else X)
-    return world
+
+    def outward(_: Body, parent: Pose, X: Pose) -> tuple[Pose, Pose]:
+        return (world := parent @ X), world
+
+    return tree.outward(outward, Pose(np.eye(3), np.zeros(3)), pose)
 
 
 def motion(tree: Tree, q: Array, v: Array) -> Motion:
     """Poses, motion subspaces, twists and bias accelerations at q (..., nq), v (..., nv)."""
-    out = Motion(poses(tree, q), [], [], [])
-    for body, X in zip(tree.bodies, out.pose, strict=True):
-        beta, eta = joint_position(body, q), joint_velocity(body, v)
+
+    def outward(body: Body, parent: Array, beta: Array, eta: Array) -> tuple[Array, tuple]:
+        X = relative_pose(body, beta)
+        beta, eta = joint_position(body, beta), joint_velocity(body, eta)
         S = body.joint.motion(beta)
         relative = mul(S, eta)
 
-        # Outward: v̌_i = −B_ip v̌_p + S_i η_i; the ground rests.
-        parent = out.twist[body.parent] if body.parent >= 0 else np.zeros(6)
+        # v̌_i = −B_ip v̌_p + S_i η_i; the ground rests.
         carried = twist_to_child(X, parent)
-        out.twist.append(carried + relative)
+        twist = carried + relative
 
         # Centripetal, Coriolis and the joint's own share.
         w, wp = angular(carried), angular(parent)
         centripetal = mul(transpose(X.R), cross(wp, cross(wp, X.r)))
         bias = joined(cross(w, angular(relative)), centripetal + 2.0 * cross(w, linear(relative)))
         own = body.joint.bias(beta, eta)
-        out.bias.append(bias if own is None else bias + own)
-        out.subspace.append(S if body.ratio == 1 else body.ratio * S)
-    return out
+        bias = bias if own is None else bias + own
+        return twist, (X, S if body.ratio == 1 else body.ratio * S, twist, bias)
+
+    kept = tree.outward(outward, np.zeros(6), tree.split(q, "q"), tree.split(v, "v"))
+    return Motion(*tree.unzip(kept, 4))
 
 
-def accelerations(tree: Tree, state: Motion, ground: Array, vdot: Array | None = None) -> list[Array]:
+def accelerations(tree: Tree, state: Motion, ground: Array, vdot: Array | None = None) -> Field:
     """ǎ_i (..., 6) of all bodies for η̇ (..., nv) and the ground's acceleration (6,), eq. (11). η̇ = None gives ā of eq. (15)."""
-    out: list[Array] = []
-    for body, X, S, bias in zip(tree.bodies, state.pose, state.subspace, state.bias, strict=True):
-        a = twist_to_child(X, out[body.parent] if body.parent >= 0 else ground) + bias
-        out.append(a if vdot is None else a + mul(S, vdot[..., body.v]))
-    return out
+
+    def outward(_: Body, parent: Array, X: Pose, S: Array, bias: Array, change: Array | None = None) -> tuple[Array, Array]:
+        a = twist_to_child(X, parent) + bias
+        a = a if change is None else a + mul(S, change)
+        return a, a
+
+    changes = () if vdot is None else (tree.split(vdot, "v"),)
+    return tree.outward(outward, ground, state.pose, state.subspace, state.bias, *changes)
 
 
 def falling_ground(gravity: Array) -> Array:

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 from ..algebra import cross, joined, mul, transpose
 from ..arithmetic import Array
-from ..model import Body, Inertia, Tree
+from ..model import Body, Field, Inertia, Tree
 from .kinematics import Motion
 from .spatial import RigidInertia, angular
 
@@ -23,11 +23,11 @@ def weight(inertia: Inertia, R_world: Array, gravity: Array) -> Array:
     return joined(cross(inertia.moment, g), inertia.mass * g)
 
 
-def resultants(tree: Tree, state: Motion, accelerations: list[Array], wrenches: Wrenches) -> list[Array]:
+def resultants(tree: Tree, state: Motion, accelerations: Field, wrenches: Wrenches) -> Field:
     """f̌ᵏ_i = M ǎ − f̌ᶜ − f̌ᵗ (..., 6) of all bodies: what their joints together must supply."""
 
-    def resultant(i: int, body: Body) -> Array:
-        f = RigidInertia.of(body.inertia).times(accelerations[i]) - gyroscopic(body.inertia, state.twist[i])
-        return f - wrenches[i] if i in wrenches else f
+    def resultant(body: Body, twist: Array, a: Array, applied: Array | None) -> Array:
+        f = RigidInertia.of(body.inertia).times(a) - gyroscopic(body.inertia, twist)
+        return f if applied is None else f - applied
 
-    return [resultant(i, body) for i, body in enumerate(tree.bodies)]
+    return tree.each(resultant, state.twist, accelerations, tree.on_bodies(wrenches))

@@ -6,9 +6,9 @@ inward sweep of f̌ᵏ at η̇ = 0. The fewest operations on small robots.
 
 import numpy as np
 
-from ..algebra import skew, transpose
+from ..algebra import skew, stacked, transpose
 from ..arithmetic import Array, dtype_of, zeros
-from ..model import Tree
+from ..model import Body, Field, Tree
 from . import ldl
 from .constraints import batch_of, coordinate_forces
 from .kinematics import Motion, accelerations, falling_ground, motion
@@ -25,16 +25,17 @@ def nonrecursive(tree: Tree, q: Array, v: Array, tau: Array, wrenches: Wrenches,
     meets = ldl.couplings(tree)
     rows, pivots, reciprocals = ldl.factorise(mass_matrix(tree, state, dtype_of(q, v, tau)), meets)
     vdot = ldl.solve(rows, reciprocals, [k[..., i] for i in range(tree.nv)], meets)
-    return Solution.stack(vdot, pivots)
+    return Solution(stacked(vdot), stacked(pivots))
 
 
-def composites(tree: Tree, state: Motion) -> list[RigidInertia]:
+def composites(tree: Tree, state: Motion) -> Field:
     """The inertia of all that hangs on each joint, as one rigid body."""
-    composite = [RigidInertia.of(body.inertia) for body in tree.bodies]
-    for i in reversed(range(len(tree.bodies))):
-        if (p := tree.bodies[i].parent) >= 0:
-            composite[p] = composite[p] + composite[i].to_parent(state.pose[i])
-    return composite
+
+    def inward(body: Body, arrived: list[RigidInertia], X: Pose) -> tuple[RigidInertia, RigidInertia]:
+        composite = sum(arrived, start=RigidInertia.of(body.inertia))
+        return composite.to_parent(X), composite
+
+    return tree.inward(inward, state.pose)
 
 
 def mass_matrix(tree: Tree, state: Motion, dtype: np.dtype) -> Array:
@@ -60,7 +61,7 @@ def bias_forces(tree: Tree, state: Motion, wrenches: Wrenches, gravity: Array) -
     """−k̂ᶜ − k̂ᵗ (..., nv) of everything but the joint forces: Jᵀ(M ā − f̌ᶜ − f̌ᵗ), gravity included."""
     a = accelerations(tree, state, falling_ground(gravity))
     f = inward(tree, state, resultants(tree, state, a, wrenches))
-    return coordinate_forces(tree, state, f, dtype_of(*f, gravity))
+    return coordinate_forces(tree, state, f)
 
 
 def momentum_columns(inertia: RigidInertia, S: Array) -> Array:

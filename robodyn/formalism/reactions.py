@@ -12,10 +12,10 @@ import numpy as np
 from ..algebra import joined, mul
 from ..arithmetic import Array
 from ..errors import UnknownNameError
-from ..model import Tree
+from ..model import Body, Field, Tree
 from .kinematics import Motion, accelerations, falling_ground, joint_position, world_poses
 from .newton_euler import Wrenches, resultants
-from .spatial import angular, linear, wrench_to_parent
+from .spatial import Pose, angular, linear, wrench_to_parent
 
 FRAMES = ("child", "parent", "world")
 PARTS = ("constraint", "total")
@@ -45,42 +45,39 @@ class Reactions(Mapping[str, Array]):
         return f"<Reactions of {len(self)} joints, {self.part} part in the {self.frame} frame, array {self.array.shape}>"
 
 
-def inward(tree: Tree, state: Motion, f: list[Array]) -> list[Array]:
+def inward(tree: Tree, state: Motion, f: Field) -> Field:
     """B⁻ᵀ f̌ (..., 6 each): what each joint carries when f̌ is needed on each body."""
-    carried = list(f)
-    for i in reversed(range(len(tree.bodies))):
-        if (p := tree.bodies[i].parent) >= 0:
-            carried[p] = carried[p] + wrench_to_parent(state.pose[i], carried[i])
-    return carried
+
+    def step(_: Body, arrived: list[Array], X: Pose, needed: Array) -> tuple[Array, Array]:
+        carried = sum(arrived, start=needed)
+        return wrench_to_parent(X, carried), carried
+
+    return tree.inward(step, state.pose, f)
 
 
-def joint_wrenches(tree: Tree, state: Motion, vdot: Array, wrenches: Wrenches, gravity: Array) -> list[Array]:
+def joint_wrenches(tree: Tree, state: Motion, vdot: Array, wrenches: Wrenches, gravity: Array) -> Field:
     """The whole wrench (..., 6) through each joint at η̇: reaction and joint forces together."""
     a = accelerations(tree, state, falling_ground(gravity), vdot)
     return inward(tree, state, resultants(tree, state, a, wrenches))
 
 
-def reactions(
-    tree: Tree, state: Motion, q: Array, total: list[Array], u: Array, *, frame: str, part: str, joints: tuple[int, ...]
-) -> Array:
+def reactions(tree: Tree, state: Motion, q: Array, total: Field, u: Array, *, frame: str, part: str, joints: tuple[int, ...]) -> Array:
     """The wrenches (..., n, 6) of the joints with these indices, from the whole wrench through every joint.
 
     `tree` is open at every joint: each link is a body of its own. u (..., nu): the joints' own forces.
     """
-    world = world_poses(tree, state.pose) if frame == "world" else []
-    found = [np.zeros((0, 6))]
-    for link in joints:
-        i = tree.link_body[link]
-        body, f = tree.bodies[i], total[i]
+
+    def shown(body: Body, f: Array, R: Array, beta: Array, own: Array) -> Array:
         if part == "constraint" and body.joint.nv:
-            f = f - mul(body.joint.actuation(joint_position(body, q)), u[..., body.u])
-        if frame == "world":
-            f = turned(world[i].R, f)
-        elif frame == "parent":
-            f = turned(state.pose[i].R, f)
-        found.append(f[..., None, :])
-    batch = np.broadcast_shapes(*(f.shape[:-2] for f in found))
-    return np.concatenate([np.broadcast_to(f, batch + f.shape[-2:]) for f in found], axis=-2)
+            f = f - mul(body.joint.actuation(joint_position(body, beta)), own)
+        return f if frame == "child" else turned(R, f)
+
+    X = world_poses(tree, state.pose) if frame == "world" else state.pose
+    R = tree.each(lambda _, pose: pose.R, X)
+    found = tree.each(shown, total, R, tree.split(q, "q"), tree.split(u, "u"))
+    wrenches = [np.zeros((0, 6)), *(found[tree.link_body[link]][..., None, :] for link in joints)]
+    batch = np.broadcast_shapes(*(f.shape[:-2] for f in wrenches))
+    return np.concatenate([np.broadcast_to(f, batch + f.shape[-2:]) for f in wrenches], axis=-2)
 
 
 def turned(R: Array, f: Array) -> Array:

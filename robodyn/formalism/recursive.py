@@ -1,13 +1,24 @@
 """Articulated bodies: outward velocities, inward inertias, outward accelerations. O(n)."""
 
-from ..algebra import column, dot
+from typing import NamedTuple
+
+from ..algebra import column, dot, stacked
 from ..arithmetic import Array
 from ..errors import ModelError
-from ..model import Tree
+from ..model import Body, Tree
 from .kinematics import falling_ground, motion
 from .newton_euler import Wrenches, gyroscopic
 from .solution import Solution
-from .spatial import ArticulatedInertia, twist_to_child, wrench_to_parent
+from .spatial import ArticulatedInertia, Pose, twist_to_child, wrench_to_parent
+
+
+class Freedom(NamedTuple):
+    """One freedom s, eliminated from the inertia A and the bias wrench p that it moves."""
+
+    U: Array  # A s (..., 6)
+    e: Array  # τ − sᵀp (...)
+    d: Array  # 1 / pivot (...)
+    pivot: Array  # sᵀ A s (...)
 
 
 def recursive(tree: Tree, q: Array, v: Array, tau: Array, wrenches: Wrenches, gravity: Array) -> Solution:
@@ -20,36 +31,34 @@ def recursive(tree: Tree, q: Array, v: Array, tau: Array, wrenches: Wrenches, gr
 
     # Pass 1, outward: positions, velocities, velocity-dependent accelerations.
     state = motion(tree, q, v)
-    A = [ArticulatedInertia.of(body.inertia) for body in tree.bodies]
-    p = [-gyroscopic(body.inertia, twist) for body, twist in zip(tree.bodies, state.twist, strict=True)]
-    for i, f in wrenches.items():
-        p[i] = p[i] - f
 
     # Pass 2, inward: what each joint lets through of the inertia A and the bias wrench p beyond it.
-    eliminated: dict[int, tuple[Array, Array, Array, Array]] = {}
-    for i in reversed(range(len(tree.bodies))):
-        body = tree.bodies[i]
+    def inward(body: Body, arrived: list, X: Pose, S: Array, twist: Array, bias: Array, tau_i: Array, applied: Array | None):
+        A, p = ArticulatedInertia.of(body.inertia), -gyroscopic(body.inertia, twist)
+        p = p if applied is None else p - applied
+        for A_child, p_child in arrived:
+            A, p = A + A_child, p + p_child
+
+        freedoms = []
         for k in reversed(range(body.joint.nv)):
-            s = state.subspace[i][..., :, k]
-            U = A[i].times(s)
-            pivot, e = dot(s, U), tau[..., body.v.start + k] - dot(s, p[i])
+            s = S[..., :, k]
+            U = A.times(s)
+            pivot, e = dot(s, U), tau_i[..., k] - dot(s, p)
             d = 1.0 / pivot
-            eliminated[body.v.start + k] = (U, d, e, pivot)
-            A[i] = A[i].without(s, U, d)
-            p[i] = p[i] + U * column(d * e)
-        if body.parent >= 0:
-            X, felt = state.pose[i], p[i] + A[i].times(state.bias[i])
-            A[body.parent] = A[body.parent] + A[i].to_parent(X)
-            p[body.parent] = p[body.parent] + wrench_to_parent(X, felt)
+            freedoms.insert(0, Freedom(U, e, d, pivot))
+            A, p = A.without(s, U, d), p + U * column(d * e)
+        return (A.to_parent(X), wrench_to_parent(X, p + A.times(bias))), tuple(freedoms)
+
+    eliminated = tree.inward(inward, *state[:4], tree.split(tau, "v"), tree.on_bodies(wrenches))
 
     # Pass 3, outward: accelerations.
-    vdot: list[Array] = []
-    a: list[Array] = []
-    for i, body in enumerate(tree.bodies):
-        a_i = twist_to_child(state.pose[i], a[body.parent] if body.parent >= 0 else falling_ground(gravity)) + state.bias[i]
-        for k in range(body.joint.nv):
-            U, d, e, _ = eliminated[body.v.start + k]
-            vdot.append((e - dot(U, a_i)) * d)
-            a_i = a_i + state.subspace[i][..., :, k] * column(vdot[-1])
-        a.append(a_i)
-    return Solution.stack(vdot, [eliminated[k][3] for k in range(tree.nv)])
+    def outward(_: Body, parent: Array, X: Pose, S: Array, bias: Array, freedoms: tuple[Freedom, ...]):
+        a, found = twist_to_child(X, parent) + bias, []
+        for k, freedom in enumerate(freedoms):
+            found.append((freedom.e - dot(freedom.U, a)) * freedom.d)
+            a = a + S[..., :, k] * column(found[k])
+        return a, (stacked(found), stacked([freedom.pivot for freedom in freedoms]))
+
+    found = tree.outward(outward, falling_ground(gravity), state.pose, state.subspace, state.bias, eliminated)
+    vdot, pivots = tree.unzip(found, 2)
+    return Solution(tree.gathered(vdot), tree.gathered(pivots))

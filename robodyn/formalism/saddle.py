@@ -44,7 +44,7 @@ class Saddle:
                 f[..., rows] += wrenches[i]
 
             # An actuator pushes the child and pulls the parent.
-            pushed = mul(body.joint.actuation(joint_position(body, q)), u[..., body.u])
+            pushed = mul(body.joint.actuation(joint_position(body, q[..., body.q])), u[..., body.u])
             f[..., rows] += pushed
             if body.parent >= 0:
                 f[..., 6 * body.parent : 6 * body.parent + 6] -= wrench_to_parent(state.pose[i], pushed)

@@ -11,7 +11,7 @@ from ..arithmetic import Array, exact, is_exact
 from ..errors import InputError
 from ..formalism.kinematics import motion, world_poses
 from ..formalism.spatial import Pose, twist_to_child
-from ..model import Mechanism, Tree
+from ..model import Field, Mechanism, Tree
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +43,7 @@ class State:
         return motion(self.tree, self.q, self.v)
 
     @cached_property
-    def _world(self) -> list[Pose]:
+    def _world(self) -> Field:
         return world_poses(self.tree, self._motion.pose)
 
     def placement(self, link: int) -> Pose:

@@ -3,13 +3,14 @@
 from .geometry import Box, Cylinder, Geometry, Mesh, Sphere, Visual
 from .inertia import Inertia
 from .mechanism import GROUND, Joint, Limits, Link, Mechanism, Mimic
-from .tree import Body, Tree, lump
+from .tree import Body, Field, Tree, lump
 
 __all__ = [
     "GROUND",
     "Body",
     "Box",
     "Cylinder",
+    "Field",
     "Geometry",
     "Inertia",
     "Joint",

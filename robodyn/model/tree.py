@@ -1,12 +1,13 @@
 """The tree of bodies K_1 … K_n that the formalism works on: links that no freedom separates, lumped into one body."""
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
-from ..algebra import frozen, snapped
+from ..algebra import frozen, snapped, stacked
 from ..arithmetic import Array, orthonormal
 from ..joints import JointType
 from .inertia import Inertia
@@ -30,9 +31,15 @@ class Body:
     offset: float = 0.0
 
 
+Field = Sequence[Any]  # one record per body: an array, or a named tuple of arrays
+
+
 @dataclass(frozen=True, eq=False)
 class Tree:
-    """Bodies, a parent before its children; and where each link of the mechanism sits on its body."""
+    """Bodies, a parent before its children; and where each link of the mechanism sits on its body.
+
+    The formalism visits bodies by the sweeps below alone, so that whoever traces it can run one body's step in a loop instead.
+    """
 
     bodies: tuple[Body, ...]
     nq: int
@@ -41,6 +48,61 @@ class Tree:
     link_body: tuple[int, ...]  # the body that each link belongs to; −1: the ground
     link_rotation: tuple[Array, ...]  # (3, 3) of each link's frame in its body's
     link_translation: tuple[Array, ...]  # (3,) [m]
+
+    # --- sweeps ---
+
+    def each(self, step: Callable[..., Any], *fields: Field) -> Field:
+        """step(body, *its records) of every body."""
+        return [step(body, *records) for body, *records in zip(self.bodies, *fields, strict=True)]
+
+    def outward(self, step: Callable[..., tuple[Any, Any]], root: Any, *fields: Field) -> Field:
+        """From the root to the leaves: step(body, what its parent passed on, *its records) → (what it passes on, what is kept)."""
+        passed, kept = [], []
+        for body, *records in zip(self.bodies, *fields, strict=True):
+            on, keep = step(body, passed[body.parent] if body.parent >= 0 else root, *records)
+            passed.append(on)
+            kept.append(keep)
+        return kept
+
+    def inward(self, step: Callable[..., tuple[Any, Any]], *fields: Field) -> Field:
+        """From the leaves to the root: step(body, what arrived, *its records) → (what it sends to its parent, what is kept).
+
+        What arrived is a list; its entries count by their sum alone.
+        """
+        arrived: list[list[Any]] = [[] for _ in self.bodies]
+        kept: list[Any] = [None] * len(self.bodies)
+        for i in reversed(range(len(self.bodies))):
+            sent, kept[i] = step(self.bodies[i], arrived[i], *(field[i] for field in fields))
+            if (parent := self.bodies[i].parent) >= 0:
+                arrived[parent].append(sent)
+        return kept
+
+    def total(self, step: Callable[..., Any], *fields: Field) -> Any:
+        """The sum of step(body, *its records) over all bodies; zero where there is none."""
+        return sum(self.each(step, *fields), start=np.zeros(()))
+
+    def unzip(self, records: Field, count: int) -> tuple[Field, ...]:
+        """Records of `count` entries as as many fields."""
+        return tuple([record[k] for record in records] for k in range(count))
+
+    def split(self, x: Array, kind: str) -> Field:
+        """The part of each body's joint of a vector q (..., nq), v (..., nv) or u (..., nu), as `kind` says."""
+        return [x[..., getattr(body, kind)] for body in self.bodies]
+
+    def on_bodies(self, values: Mapping[int, Array]) -> Field:
+        """Arrays given by body index; None for all others."""
+        return [values.get(i) for i in range(len(self.bodies))]
+
+    def gathered(self, parts: Field) -> Array:
+        """The vector (..., nv) of one array (..., nv_i) per body; where bodies share a column (mimic), their sum."""
+        columns: list[Any] = [None] * self.nv
+        for body, part in zip(self.bodies, parts, strict=True):
+            for k in range(body.joint.nv):
+                c, x = body.v.start + k, part[..., k]
+                columns[c] = x if columns[c] is None else columns[c] + x
+        return stacked(columns)
+
+    # --- what is known of it ---
 
     @cached_property
     def has_mimic(self) -> bool:
