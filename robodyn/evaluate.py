@@ -16,13 +16,16 @@ from .arithmetic import Array, precision
 from .engine.graph import Graph
 from .engine.kernel import Kernel
 from .engine.program import Program, program
+from .engine.sweeps import Looped, Recorder
 from .equations import SADDLES, SWEEPS, Views
 from .errors import InputError, ModelError
 from .loads import Load
+from .looped import LoopedViews
 from .model import Mechanism
 from .questions import Answer, Evolution, ForwardDynamics, Question
-from .trust import margin, refuse_impossible, refuse_infinite, refuse_massless, refuse_undetermined
+from .trust import refuse_impossible, refuse_infinite, refuse_massless, refuse_undetermined, smallest_pivots
 
+UNROLLED = 60  # moving bodies up to which a kernel is straight-line code: beyond, compiling takes longer than it is worth
 BACKENDS = ("native", "numpy", "mpmath")
 DEFAULT = "native" if find_spec("llvmlite") else "numpy"
 
@@ -114,45 +117,58 @@ class Evaluator:
 
     @cached_property
     def operations(self) -> dict[str, int]:
-        """Floating-point operations of forward dynamics by each formalism that can be traced."""
-        routes = ["nonrecursive"] if self.views().lumped.tree.has_mimic else list(SWEEPS)
-        return {route: self._traced(ForwardDynamics(route)).operations for route in routes}
+        """Floating-point operations of forward dynamics by each formalism that is compiled for this scene."""
+        return {route: self._traced(ForwardDynamics(route)).operations for route in self._routes}
+
+    @property
+    def _routes(self) -> list[str]:
+        return ["nonrecursive"] if self.views().lumped.tree.has_mimic else ["recursive"] if self.loops else list(SWEEPS)
 
     @cached_property
     def cheapest(self) -> str:
         """The formalism of the fewest operations for this scene."""
-        return min(self.operations, key=lambda route: self.operations[route])
+        return self._routes[0] if len(self._routes) == 1 else min(self.operations, key=lambda route: self.operations[route])
 
-    def _traced(self, question: Question) -> Program:
+    @cached_property
+    def loops(self) -> bool:
+        """Whether kernels loop over the bodies: there are too many to write out, and none shares another's coordinate."""
+        tree = self.views().lumped.tree
+        return len(tree.bodies) > UNROLLED and not tree.has_mimic
+
+    def _traced(self, question: Question) -> Program | Looped:
         """The question, asked of symbols."""
-        graph = Graph()
+        looped = self.loops and getattr(question, "formalism", "recursive") == "recursive"
+        graph = Recorder() if looped else Graph()
+        views = LoopedViews(self.views(), graph) if isinstance(graph, Recorder) else self.views()
         sizes = {name: inputs.size(self.robot, name) for name in question.needs} | {"t": 1}
         arrays = {name: graph.inputs(name, (n,)) for name, n in sizes.items()}
         t = arrays.pop("t")[0]
         with np.errstate(all="ignore"):  # a constant pivot of zero becomes a guard that fails
-            answer = question.answer(self.views(), t, **arrays)
-        guards = guards_of(self.robot, self.views(), answer, arrays.get("q") if question.admissible else None)
+            answer = question.answer(views, t, **arrays)
+        guards = guards_of(self.robot, views, answer, arrays.get("q") if question.admissible else None)
         values = {name: np.asarray(x) for name, x in answer.values.items()}
-        return program(graph, sizes, values, guards)
+        return finished(graph, sizes, values, guards)
 
     # --- integration ---
 
-    def evolution(self, formalism: str, *, semi_implicit: bool = False) -> Program:
+    def evolution(self, formalism: str, *, semi_implicit: bool = False) -> Program | Looped:
         """dx = ẋ of x = (β, η, w) at ("t", 1), ("x", nq + nv + 1).
 
         semi_implicit: β̇ belongs to the velocity after a step of ("h", 1), so that Euler's explicit step becomes the semi-implicit one.
         """
         refuse_impossible(self.robot, self.views().lumped.tree)
-        graph, nq, nv = Graph(), self.robot.nq, self.robot.nv
+        formalism = self.cheapest if formalism == "auto" else formalism
+        graph = Recorder() if self.loops and formalism == "recursive" else Graph()
+        views, nq, nv = LoopedViews(self.views(), graph) if isinstance(graph, Recorder) else self.views(), self.robot.nq, self.robot.nv
         sizes = {"t": 1, "x": nq + nv + 1} | ({"h": 1} if semi_implicit else {})
         arrays = {name: graph.inputs(name, (n,)) for name, n in sizes.items()}
         q, v = arrays["x"][:nq], arrays["x"][nq : nq + nv]
-        answer = Evolution(self.cheapest if formalism == "auto" else formalism).answer(self.views(), arrays["t"][0], q, v, np.zeros(nv))
+        answer = Evolution(formalism).answer(views, arrays["t"][0], q, v, np.zeros(nv))
         qdot, vdot, power = (np.asarray(answer.values[name]) for name in ("qdot", "vdot", "power"))
         if semi_implicit:
-            qdot = self.views().lumped.rate(q, v + vdot * arrays["h"])
+            qdot = views.lumped.rate(q, v + vdot * arrays["h"])
         dx = np.concatenate([qdot, vdot, power.reshape(1)])
-        return program(graph, sizes, {"dx": dx}, guards_of(self.robot, self.views(), answer, None))
+        return finished(graph, sizes, {"dx": dx}, guards_of(self.robot, views, answer, None))
 
     def projection(self) -> Program | None:
         """x with its Euler parameters at unit length; None where there are none."""
@@ -163,12 +179,17 @@ class Evaluator:
         return program(graph, {"x": len(x)}, {"x": np.concatenate([equations.project(x[:nq]), x[nq:]])})
 
 
+def finished(graph: Graph | Recorder, sizes: Mapping[str, int], outputs: Mapping[str, Array], guards: list[object]) -> Program | Looped:
+    """The program of what was traced or recorded."""
+    return graph.finish(sizes, outputs, guards) if isinstance(graph, Recorder) else program(graph, sizes, outputs, guards)
+
+
 def guards_of(robot: Mechanism, views: Views, answer: Answer, q: Array | None) -> list[object]:
     """What must be positive for an answer to be trusted: pivots above rounding, quaternions near unit length."""
     guards: list[object] = []
     if q is not None:
         guards += [inputs.UNIT_TOLERANCE - abs(phi) for _, phi in views.lumped.side_conditions(q)]
     if answer.solution is not None:
-        scales = margin(robot.nv) * views.lumped.tree.pivot_scales
-        guards += [pivot - scale for pivot, scale in zip(answer.solution.pivots, scales, strict=True)]
+        smallest = smallest_pivots(views.lumped.tree, answer.solution)
+        guards += [pivot - least for pivot, least in zip(answer.solution.pivots, smallest, strict=True)]
     return [guard[()] if isinstance(guard, np.ndarray) else guard for guard in guards]

@@ -12,9 +12,19 @@ from .model import Mechanism, Tree
 EPS = np.finfo(float).eps
 
 
-def margin(nv: int) -> float:
-    """The share of its scale that a pivot must exceed: it is left over from nv eliminations of some dozens of roundings each."""
-    return 64 * (nv + 1) * EPS
+FEW = 60  # freedoms up to which the bound of the inertia that a joint can have to move, in any position, is a useful scale
+
+
+def smallest_pivots(tree: Tree, solution: Solution) -> Array:
+    """What each pivot (nv,) must exceed: it is left over from eliminations of some dozens of roundings each.
+
+    For few freedoms, a share of what it can have to move in any position, after nv eliminations. In a chain of thousands that bound
+    grows without saying anything; there it is what the joint has to move with its children locked, if the route knows it: errors from
+    further away have passed through the freedoms between.
+    """
+    if tree.nv <= FEW or solution.moved is None:
+        return 64 * (tree.nv + 1) * EPS * tree.pivot_scales
+    return 1024 * EPS * solution.moved
 
 
 def refuse_impossible(mechanism: Mechanism, tree: Tree) -> None:
@@ -50,8 +60,8 @@ def refuse_massless(mechanism: Mechanism, tree: Tree) -> None:
 
 def refuse_undetermined(mechanism: Mechanism, tree: Tree, solution: Solution) -> None:
     """ModelError where a freedom showed no inertia, or an acceleration is not finite; it names the joint and the state."""
-    pivots, scales = solution.pivots.astype(float), tree.pivot_scales
-    lost = ~((pivots > margin(mechanism.nv) * scales) & np.isfinite(pivots))
+    pivots, smallest = solution.pivots.astype(float), smallest_pivots(tree, solution).astype(float)
+    lost = ~((pivots > smallest) & np.isfinite(pivots))
     if lost.any():
         refuse_massless(mechanism, tree)
         # Of the first state with one, the freedom eliminated first: what comes after it is spoilt by it.
@@ -60,9 +70,10 @@ def refuse_undetermined(mechanism: Mechanism, tree: Tree, solution: Solution) ->
         if not np.isfinite(pivots[index]):
             name = _joint(mechanism, index[-1])
             raise ModelError(f"the inertia that joint {name!r} moves is not finite{_at(first)}: displacements are too large for float64")
+        least = np.broadcast_to(smallest, pivots.shape)[index]
         raise ModelError(
             f"joint {_joint(mechanism, index[-1])!r} of {mechanism.name!r} has no inertia to accelerate{_at(index[:-1])}: "
-            f"its pivot is {pivots[index]:.3g}, of up to {scales[index[-1]]:.3g}. Give the links beyond it mass off its axis, or lock it"
+            f"its pivot is {pivots[index]:.3g} and must exceed {least:.3g}. Give the links beyond it mass off its axis, or lock it"
         )
     bad = np.argwhere(~np.isfinite(solution.vdot.astype(float)))
     if len(bad):

@@ -2,9 +2,12 @@
 
 import ctypes
 import threading
+from collections.abc import Mapping
 from functools import cache
+from types import MappingProxyType
 from typing import Any
 
+from ..arithmetic import Array
 from ..errors import MissingPackageError
 
 
@@ -57,7 +60,7 @@ def object_code(ir: str) -> bytes:
 class Loaded:
     """An object file, loaded: machine code that can be called as long as this lives."""
 
-    def __init__(self, code: bytes) -> None:
+    def __init__(self, code: bytes, tables: Mapping[str, Array] = MappingProxyType({})) -> None:
         binding = llvm()
         with _lock:
             module = binding.parse_assembly("")
@@ -65,6 +68,9 @@ class Loaded:
             self._engine = binding.create_mcjit_compiler(module, machine)
             self._engine.add_object_file(binding.object_file.ObjectFileRef.from_data(code))
             self._engine.finalize_object()
+        self._tables = tables
+        for name, table in tables.items():
+            ctypes.c_void_p.from_address(self.address(name)).value = table.ctypes.data
 
     def function(self, name: str, *types: Any, result: Any = ctypes.c_int64) -> Any:
         """A C function of the object file."""

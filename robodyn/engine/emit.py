@@ -5,12 +5,17 @@ A block of states lives in `slots`, an array with one (vector of) double per val
 where a program is cut into functions of a few thousand operations to keep LLVM's time linear, values that a later one needs.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import pairwise
+from typing import TYPE_CHECKING, Any
 
 from .functions import Type, by_lane, declarations, sincos
 from .graph import LEAVES
 from .program import Program
+
+if TYPE_CHECKING:
+    from .loops import LoopedPart
+    from .sweeps import Looped
 
 PIECE = 2500  # operations in one function: LLVM's time grows faster than linearly beyond
 BINARY = {"add": "fadd", "sub": "fsub", "mul": "fmul", "div": "fdiv"}
@@ -21,11 +26,11 @@ BY_LANE = ("exp", "log", "tanh")
 class Part:
     """A program as functions over slots: what a module that calls it needs to know."""
 
-    def __init__(self, program: Program, t: Type, name: str) -> None:
-        self.program, self.name = program, name
+    def __init__(self, program: Program, t: Type, name: str, slots: dict[Any, int] | None = None, free: int = 0) -> None:
+        """slots: where inputs and outputs are, if not in slots of its own; from `free` on there is room for more."""
+        self.program, self.name, self.guards = program, name, program.guards
         self._pieces = _pieces(program)
-        self.slots = _slots(program, self._pieces)
-        self.size = len(self.slots)
+        self.slots, self.size = _slots(program, self._pieces, slots or _own_slots(program), free)
         self._t = t
 
     def functions(self) -> Iterator[str]:
@@ -38,9 +43,9 @@ class Part:
         return [f"  call void @{self.name}{k}(ptr {slots})" for k in range(len(self._pieces))]
 
 
-def prologue(t: Type, *programs: Program) -> Iterator[str]:
+def prologue(t: Type, *programs: "Program | Looped") -> Iterator[str]:
     """Declarations and functions that the programs call."""
-    used = {op for program in programs for op, *_ in program.instructions}
+    used = {op for program in programs for code in program.programs for op, *_ in code.instructions}
     yield from declarations(t)
     yield from sincos(t)
     for name in BY_LANE:
@@ -49,15 +54,28 @@ def prologue(t: Type, *programs: Program) -> Iterator[str]:
     yield '!0 = !{!"branch_weights", i32 1, i32 100000}'
 
 
-def module(program: Program, lanes: int) -> str:
+def part(program: "Program | Looped", t: Type, name: str) -> "Part | LoopedPart":
+    """The functions of a program of either kind."""
+    if isinstance(program, Program):
+        return Part(program, t, name)
+    from .loops import LoopedPart
+
+    return LoopedPart(program, t, name)
+
+
+def module(program: "Program | Looped", lanes: int) -> str:
     """IR text with `i64 @run(ptr in…, i64 stride…, ptr out…, i64 count)`, for a count of 0, or of at least `lanes`.
 
     in: one pointer per input, to rows of doubles, `stride` doubles apart (0: one row for all); out: rows without gaps. Returns the
     first row of the first block in which an input, output or guard is not finite or a guard not positive, or −1.
     """
+    if not isinstance(program, Program):
+        from . import loops
+
+        return loops.module(program, lanes)
     t = Type(lanes)
-    part = Part(program, t, "piece")
-    lines = [*prologue(t, program), *part.functions(), *_run(part, t)]
+    piece = Part(program, t, "piece")
+    lines = [*prologue(t, program), *piece.functions(), *_run(piece, t)]
     if lanes > 1:
         lines.append(f"declare {t.float} @llvm.masked.load.{t.name}.p0(ptr, i32, {t.bool}, {t.float})")
         lines.append(f"declare void @llvm.masked.store.{t.name}.p0({t.float}, ptr, i32, {t.bool})")
@@ -72,42 +90,70 @@ def _pieces(program: Program) -> list[range]:
     return [range(a, b) for a, b in pairwise(ends)]
 
 
-def _slots(program: Program, pieces: list[range]) -> dict[object, int]:
-    """Where values live: ("in", name, k) and ("out", name, k), each vector in one run; and numbers of values that cross a border."""
-    slots: dict[object, int] = {}
-    for name, size in program.inputs.items():
-        for k in range(size):
-            slots["in", name, k] = len(slots)
-    for name, values in program.outputs.items():
-        for k in range(len(values)):
-            slots["out", name, k] = len(slots)
+def _own_slots(program: Program) -> dict[Any, int]:
+    """("in", name, k) and ("out", name, k), each vector in one run."""
+    keys = [("in", name, k) for name, size in program.inputs.items() for k in range(size)]
+    keys += [("out", name, k) for name, values in program.outputs.items() for k in range(len(values))]
+    return {key: slot for slot, key in enumerate(keys)}
+
+
+def _slots(program: Program, pieces: list[range], places: dict[Any, int], free: int) -> tuple[dict[Any, int], int]:
+    """The places of inputs and outputs, and of values, by number, that cross a border or are guards; and where the slots end."""
+    slots = dict(places)
+    free = max(free, len(slots))
     where = {i: p for p, piece in enumerate(pieces) for i in piece}
-    for i, (op, *operands) in enumerate(program.instructions):
-        for j in () if op in LEAVES else operands:
-            if where[j] != where[i] and program.instructions[j][0] not in LEAVES:
-                slots.setdefault(j, len(slots))
-    for i in program.guards:
-        slots.setdefault(i, len(slots))
-    return slots
+    crossing = [
+        j
+        for i, (op, *operands) in enumerate(program.instructions)
+        for j in (() if op in LEAVES else operands)
+        if where[j] != where[i] and program.instructions[j][0] not in LEAVES
+    ]
+    for i in dict.fromkeys([*crossing, *program.guards]):
+        slots[i] = free
+        free += 1
+    return slots, free
 
 
-def _piece(program: Program, t: Type, name: str, piece: range, slots: dict[object, int], *, inline: bool) -> Iterator[str]:
+def _piece(program: Program, t: Type, name: str, piece: range, slots: dict[Any, int], *, inline: bool) -> Iterator[str]:
     """One function: loads what it needs from the slots, computes, stores what others need."""
-    F, names, trig = t.float, {}, {}
+    F = t.float
     lines: list[str] = []
+
+    def load(j: int) -> str:
+        op, *rest = program.instructions[j]
+        slot = slots[("in", *rest)] if op == "in" else slots[j]
+        lines.append(f"  %p{j} = getelementptr {F}, ptr %slots, i64 {slot}")
+        lines.append(f"  %v{j} = load {F}, ptr %p{j}")
+        return f"%v{j}"
+
+    operand = instructions(program, t, piece, load, lines)
+
+    # What is needed later. Inputs and constants that are outputs are stored by the first piece.
+    stores = [(i, slot) for i, slot in slots.items() if isinstance(i, int)]
+    stores += [(i, slots["out", name, k]) for name, values in program.outputs.items() for k, i in enumerate(values)]
+    for i, slot in stores:
+        if i in piece if program.instructions[i][0] not in LEAVES else piece.start == 0:
+            value = operand(i)
+            lines.append(f"  %q{slot} = getelementptr {F}, ptr %slots, i64 {slot}")
+            lines.append(f"  store {F} {value}, ptr %q{slot}")
+    yield f"define internal void @{name}(ptr noalias %slots) {'alwaysinline' if inline else 'noinline'} nounwind {{"
+    yield from lines
+    yield "  ret void"
+    yield "}"
+
+
+def instructions(program: Program, t: Type, piece: range, load: Callable[[int], str], lines: list[str]) -> Callable[[int], str]:
+    """Append the code of a run of instructions to the lines; `load` appends what fetches a value from elsewhere and tells its name.
+
+    Returns a function that tells the name of any value.
+    """
+    F, names, trig = t.float, {}, {}
 
     def operand(j: int) -> str:
         """The name of value j here; a constant's is itself."""
-        if j in names:
-            return names[j]
-        op, *rest = program.instructions[j]
-        if op == "const":
-            names[j] = t.constant(rest[0])
-        else:
-            slot = slots[("in", *rest)] if op == "in" else slots[j]
-            lines.append(f"  %p{j} = getelementptr {F}, ptr %slots, i64 {slot}")
-            lines.append(f"  %v{j} = load {F}, ptr %p{j}")
-            names[j] = f"%v{j}"
+        if j not in names:
+            op, *rest = program.instructions[j]
+            names[j] = t.constant(rest[0]) if op == "const" else load(j)
         return names[j]
 
     for i in piece:
@@ -138,19 +184,7 @@ def _piece(program: Program, t: Type, name: str, piece: range, slots: dict[objec
         else:
             lines.append(f"  %v{i} = call {F} @{op}.lanes({F} {xs[0]})")
         names[i] = f"%v{i}"
-
-    # What is needed later. Inputs and constants that are outputs are stored by the first piece.
-    stores = [(i, slot) for i, slot in slots.items() if isinstance(i, int)]
-    stores += [(i, slots["out", name, k]) for name, values in program.outputs.items() for k, i in enumerate(values)]
-    for i, slot in stores:
-        if i in piece if program.instructions[i][0] not in LEAVES else piece.start == 0:
-            value = operand(i)
-            lines.append(f"  %q{slot} = getelementptr {F}, ptr %slots, i64 {slot}")
-            lines.append(f"  store {F} {value}, ptr %q{slot}")
-    yield f"define internal void @{name}(ptr noalias %slots) {'alwaysinline' if inline else 'noinline'} nounwind {{"
-    yield from lines
-    yield "  ret void"
-    yield "}"
+    return operand
 
 
 def _run(part: Part, t: Type) -> Iterator[str]:
@@ -177,9 +211,9 @@ def _run(part: Part, t: Type) -> Iterator[str]:
         yield f"  %i{k}_0 = getelementptr double, ptr %in{k}, i64 %o{k}"
         for i in range(1, L):
             yield f"  %i{k}_{i} = getelementptr double, ptr %i{k}_0, i64 %far{k}_{i}"
-        columns, text = _columns(t, f"i{k}", [f"%i{k}_{i}" for i in range(L)], size)
+        entries, text = gathered(t, f"i{k}", [f"%i{k}_{i}" for i in range(L)], size)
         yield from text
-        for j, value in enumerate(columns):
+        for j, value in enumerate(entries):
             yield f"  %ip{k}_{j} = getelementptr {F}, ptr %slots, i64 {slots['in', name, j]}"
             yield f"  store {F} {value}, ptr %ip{k}_{j}"
             # x · 0 is 0 for a finite x, and NaN for every other: one sum tells of them all.
@@ -209,7 +243,7 @@ def _run(part: Part, t: Type) -> Iterator[str]:
             yield f"  %of{k}_{j} = call {F} @llvm.fma.{t.name}({F} %ov{k}_{j}, {F} {t.constant(0.0)}, {F} {finite})"
             finite = f"%of{k}_{j}"
             columns.append(f"%ov{k}_{j}")
-        yield from _rows(t, f"o{k}", [f"%w{k}_{i}" for i in range(L)], columns)
+        yield from scattered(t, f"o{k}", [f"%w{k}_{i}" for i in range(L)], columns)
 
     yield f"  %fine = fcmp oeq {F} {finite}, {t.constant(0.0)}"
     if ok is not None:
@@ -233,7 +267,7 @@ def _run(part: Part, t: Type) -> Iterator[str]:
     yield '!1 = !{!"branch_weights", i32 100000, i32 1}'
 
 
-def _columns(t: Type, name: str, rows: list[str], size: int) -> tuple[list[str], list[str]]:
+def gathered(t: Type, name: str, rows: list[str], size: int) -> tuple[list[str], list[str]]:
     """Names of the columns (one vector per entry, a row per lane) of rows in memory, and the code that gathers them."""
     F, L, columns, lines = t.float, t.lanes, [], []
     if L == 1:
@@ -260,7 +294,7 @@ def _columns(t: Type, name: str, rows: list[str], size: int) -> tuple[list[str],
     return columns, lines
 
 
-def _rows(t: Type, name: str, rows: list[str], columns: list[str]) -> Iterator[str]:
+def scattered(t: Type, name: str, rows: list[str], columns: list[str]) -> Iterator[str]:
     """Code that writes columns (a row per lane) to rows in memory."""
     F, L = t.float, t.lanes
     if L == 1:

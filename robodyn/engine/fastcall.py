@@ -17,6 +17,7 @@ from . import emit
 from .compile import Loaded, lanes
 from .kernel import Kernel, load
 from .program import Program
+from .sweeps import Looped
 
 # Offsets in PyObject and PyArrayObject_fields (numpy/ndarraytypes.h), 64 bit.
 TYPE, DATA, ND, DIMS, DESCR, FLAGS = 8, 16, 24, 32, 56, 64
@@ -56,7 +57,7 @@ def bind(kernel: Kernel, arrays: Sequence[str], fallback: Callable[..., Any], *,
     arrays: the inputs that are arguments, in order; the last `optional` of them may be left out, and are then zero like all other inputs.
     Also returns what must live as long as the function: CPython keeps pointers into it.
     """
-    loaded = load(module(kernel.program, tuple(arrays), optional))
+    loaded = load(module(kernel.program, tuple(arrays), optional), kernel.program.tables)
     table = (ctypes.c_void_p * len(TABLE)).from_address(loaded.address("table"))
     values = {
         "ndarray": id(np.ndarray),
@@ -99,7 +100,7 @@ def _numpy_api(index: int) -> int:
     return (ctypes.c_void_p * (index + 1)).from_address(pointer(_multiarray_umath._ARRAY_API, None))[index] or 0
 
 
-def module(program: Program, arrays: tuple[str, ...], optional: int) -> str:
+def module(program: Program | Looped, arrays: tuple[str, ...], optional: int) -> str:
     """IR text: the scalar kernel `run`, the table, and `ptr @call(ptr self, ptr arguments, i64 count, ptr keywords)`."""
     (values,) = program.outputs.values()
     sizes = [program.inputs[name] for name in arrays]
@@ -148,7 +149,7 @@ def module(program: Program, arrays: tuple[str, ...], optional: int) -> str:
         lines.append(f"  %stride{k} = phi i64 [{size}, %{code.block}], [0, %missing{k}]")
         code.block = f"known{k}"
     code.require(f"icmp sgt i64 {first_rows}, 0")
-    code.require(f"icmp sle i64 {first_rows}, {max(1, SMALL // max(1, len(program.instructions)))}")
+    code.require(f"icmp sle i64 {first_rows}, {max(1, SMALL // max(1, program.length))}")
 
     # Few states: scalar code. More: vector code, once it is there.
     alone = code.value(f"icmp slt i64 {first_rows}, {lanes()}")

@@ -15,6 +15,7 @@ from . import emit
 from .code import Code
 from .functions import Type
 from .program import Program
+from .sweeps import Looped
 
 DONE, PAUSED, STEP_TOO_SMALL, NOT_FINITE = range(4)  # what `advance` returns
 
@@ -39,7 +40,7 @@ class Method:
     dense: Array | None = None  # DOP853's interpolation weights; None: cubic Hermite
 
 
-def module(method: Method, rhs: Program, project: Program | None, lanes: int) -> str:
+def module(method: Method, rhs: Program | Looped, project: Program | None, lanes: int) -> str:
     """IR text with `i64 @advance(ptr header, ptr x, ptr k, ptr times, i64 ntimes, ptr out, i64 budget)`.
 
     header: see HEADER. x: nx entries; k: room for `stages(method)` × nx; out: ntimes × nx. An entry is a double, or `lanes` of them.
@@ -53,10 +54,10 @@ def stages(method: Method) -> int:
 
 
 class _Writer:
-    def __init__(self, method: Method, rhs: Program, project: Program | None, t: Type) -> None:
+    def __init__(self, method: Method, rhs: Program | Looped, project: Program | None, t: Type) -> None:
         self.m, self.t, self.nx, self.code = method, t, rhs.inputs["x"], Code()
-        self.f = emit.Part(rhs, t, "f")
-        self.project = emit.Part(project, t, "project") if project else None
+        self.f = emit.part(rhs, t, "f")
+        self.project = emit.part(project, t, "project") if project else None
         self.header = {name: f"%header.{name}" for name in HEADER}
 
     def text(self) -> str:
@@ -142,7 +143,7 @@ class _Writer:
 
         self.each(add)
         good = c.value(f"fcmp oeq {t.float} {c.get(t.float, total)}, {t.constant(0.0)}")
-        for i in dict.fromkeys(self.f.program.guards):
+        for i in dict.fromkeys(self.f.guards):
             guard = c.get(t.float, c.at(t.float, self.fs, self.f.slots[i]))
             finite = c.value(f"fcmp olt {t.float} {guard}, {t.constant(float('inf'))}")
             good = c.binary("and", t.bool, c.binary("and", t.bool, good, finite), c.value(f"fcmp ogt {t.float} {guard}, {t.constant(0.0)}"))

@@ -6,6 +6,7 @@ import os
 import threading
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from ..arithmetic import Array
 from . import cache, emit
 from .compile import OPTIONS, Loaded, cpu, lanes, llvm, object_code
 from .program import Program
+from .sweeps import Looped
 
 WORK = 5_000_000  # instructions times rows that a thread should have to do, about 0.2 ms: handing work over costs a tenth of it
 
@@ -24,7 +26,7 @@ class Kernel:
     The same bits come out whatever the batch, the lanes and the threads: scalar and SIMD code round alike (see `program`).
     """
 
-    def __init__(self, program: Program) -> None:
+    def __init__(self, program: Program | Looped) -> None:
         self.program = program
         self._listeners: list[Callable[[Any], None]] = []
         self._functions: dict[int, Any] = {}
@@ -48,7 +50,7 @@ class Kernel:
             bad = run(*arguments, *(pointer + 8 * size * first for pointer, size in outs), last - first)
             return first + bad if bad >= 0 else -1
 
-        workers = min(threads or os.cpu_count() or 1, n * len(self.program.instructions) // WORK) if n >= 2 * width else 1
+        workers = min(threads or os.cpu_count() or 1, n * self.program.length // WORK) if n >= 2 * width else 1
         if workers <= 1:
             return outputs, part(0, n)
         # Chunks are whole blocks of lanes; the last takes what is left over.
@@ -71,7 +73,7 @@ class Kernel:
     def _compiled(self, width: int) -> Any:
         with self._lock:
             if width not in self._functions:
-                self._functions[width] = self._function(load(emit.module(self.program, width)))
+                self._functions[width] = self._function(load(emit.module(self.program, width), self.program.tables))
                 for listener in self._listeners if width > 1 else ():
                     listener(self._functions[width])
         return self._functions[width]
@@ -89,15 +91,15 @@ class Kernel:
         self.__init__(state["program"])
 
 
-def load(ir: str) -> Loaded:
-    """Machine code of a module, from the cache where it is there."""
+def load(ir: str, tables: Mapping[str, Array] = MappingProxyType({})) -> Loaded:
+    """Machine code of a module, from the cache where it is there, its pointers set to the tables of their names."""
     version = ".".join(map(str, llvm().llvm_version_info))
     name = cache.key(ir, version, *cpu(), OPTIONS)
     code = cache.get(name)
     if code is None:
         code = object_code(ir)
         cache.put(name, code)
-    return Loaded(code)
+    return Loaded(code, tables)
 
 
 def _rows(x: Array, batch: tuple[int, ...], size: int) -> tuple[Array, int]:

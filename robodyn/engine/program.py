@@ -25,6 +25,21 @@ class Program:
     guards: tuple[int, ...]  # values that must be positive for the outputs to be trusted
 
     @property
+    def programs(self) -> "tuple[Program, ...]":
+        """The straight-line programs in it: itself."""
+        return (self,)
+
+    @property
+    def tables(self) -> dict[str, np.ndarray]:
+        """What the code reads beside its arguments: nothing."""
+        return {}
+
+    @property
+    def length(self) -> int:
+        """Instructions of one evaluation."""
+        return len(self.instructions)
+
+    @property
     def operations(self) -> int:
         """Floating-point operations of one evaluation, a fused multiply-add counted as two, functions not at all."""
         weights = {"add": 1, "sub": 1, "mul": 1, "div": 1, "neg": 0, "fma": 2, "fms": 2, "fnma": 2}

@@ -9,7 +9,7 @@ from ..model import Body, Tree
 from .kinematics import falling_ground, motion
 from .newton_euler import Wrenches, gyroscopic
 from .solution import Solution
-from .spatial import ArticulatedInertia, Pose, twist_to_child, wrench_to_parent
+from .spatial import ArticulatedInertia, Pose, angular, linear, twist_to_child, wrench_to_parent
 
 
 class Freedom(NamedTuple):
@@ -19,6 +19,7 @@ class Freedom(NamedTuple):
     e: Array  # τ − sᵀp (...)
     d: Array  # 1 / pivot (...)
     pivot: Array  # sᵀ A s (...)
+    moved: Array  # (...): how large sᵀ A s would be, were the joints of the children locked: what rounding errors are measured by
 
 
 def recursive(tree: Tree, q: Array, v: Array, tau: Array, wrenches: Wrenches, gravity: Array) -> Solution:
@@ -35,19 +36,20 @@ def recursive(tree: Tree, q: Array, v: Array, tau: Array, wrenches: Wrenches, gr
     # Pass 2, inward: what each joint lets through of the inertia A and the bias wrench p beyond it.
     def inward(body: Body, arrived: list, X: Pose, S: Array, twist: Array, bias: Array, tau_i: Array, applied: Array | None):
         A, p = ArticulatedInertia.of(body.inertia), -gyroscopic(body.inertia, twist)
-        p = p if applied is None else p - applied
-        for A_child, p_child in arrived:
-            A, p = A + A_child, p + p_child
+        p, size = p if applied is None else p - applied, A.size()
+        for A_child, p_child, size_child in arrived:
+            A, p, size = A + A_child, p + p_child, size + size_child
 
-        freedoms = []
+        freedoms, locked = [], A
         for k in reversed(range(body.joint.nv)):
             s = S[..., :, k]
             U = A.times(s)
             pivot, e = dot(s, U), tau_i[..., k] - dot(s, p)
             d = 1.0 / pivot
-            freedoms.insert(0, Freedom(U, e, d, pivot))
+            moved = dot(angular(s), angular(s)) * size[..., 0] + dot(linear(s), linear(s)) * size[..., 1]
+            freedoms.insert(0, Freedom(U, e, d, pivot, moved))
             A, p = A.without(s, U, d), p + U * column(d * e)
-        return (A.to_parent(X), wrench_to_parent(X, p + A.times(bias))), tuple(freedoms)
+        return (A.to_parent(X), wrench_to_parent(X, p + A.times(bias)), locked.size(X.r)), tuple(freedoms)
 
     eliminated = tree.inward(inward, *state[:4], tree.split(tau, "v"), tree.on_bodies(wrenches))
 
@@ -57,8 +59,7 @@ def recursive(tree: Tree, q: Array, v: Array, tau: Array, wrenches: Wrenches, gr
         for k, freedom in enumerate(freedoms):
             found.append((freedom.e - dot(freedom.U, a)) * freedom.d)
             a = a + S[..., :, k] * column(found[k])
-        return a, (stacked(found), stacked([freedom.pivot for freedom in freedoms]))
+        return a, (stacked(found), stacked([freedom.pivot for freedom in freedoms]), stacked([freedom.moved for freedom in freedoms]))
 
     found = tree.outward(outward, falling_ground(gravity), state.pose, state.subspace, state.bias, eliminated)
-    vdot, pivots = tree.unzip(found, 2)
-    return Solution(tree.gathered(vdot), tree.gathered(pivots))
+    return Solution(*(tree.gathered(x) for x in tree.unzip(found, 3)))

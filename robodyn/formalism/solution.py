@@ -10,3 +10,4 @@ class Solution(NamedTuple):
 
     vdot: Array  # η̇ (..., nv)
     pivots: Array  # (..., nv): D of M̂ = LᵀDL, sᵀAs of the articulated inertias
+    moved: Array | None = None  # (..., nv): the inertias that the pivots are left over from, where the route knows them

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..algebra import column, cross, joined, mirrored, mul, skew, transpose
+from ..algebra import column, cross, dot, joined, mirrored, mul, skew, stacked, transpose
 from ..arithmetic import Array, dtype_of, zeros
 from ..model import Inertia
 
@@ -112,6 +112,11 @@ class ArticulatedInertia(NamedTuple):
         """The wrench (..., 6) that an acceleration (..., 6) needs."""
         e, a = angular(x), linear(x)
         return joined(mul(self.Theta, e) + mul(self.H, a), mul(transpose(self.H), e) + mul(self.M, a))
+
+    def size(self, r: Array | None = None) -> Array:
+        """(tr Θ, tr M) (..., 2); about a point at the distance r (..., 3), where it is given, a bound of it."""
+        turning, sliding = np.trace(self.Theta, axis1=-2, axis2=-1), np.trace(self.M, axis1=-2, axis2=-1)
+        return stacked([turning if r is None else 2.0 * (turning + dot(r, r) * sliding), sliding])
 
     def without(self, s: Array, U: Array, d: Array) -> "ArticulatedInertia":
         """A − U d Uᵀ: the freedom s (..., 6), with U = A s and d = 1 / sᵀU, no longer transmits anything.

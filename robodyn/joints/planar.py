@@ -20,6 +20,7 @@ class Planar(AxisJoint):
     kind = "planar"
     coordinates = (("x", "m"), ("y", "m"), ("theta", "rad"))
     velocities = (("x", "m/s"), ("y", "m/s"), ("theta", "rad/s"))
+    traceable = False  # the plane's axes depend on the normal's largest component
 
     def plane(self) -> Array:
         """(3, 2): the plane's two axes, as columns."""

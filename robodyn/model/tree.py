@@ -1,6 +1,6 @@
 """The tree of bodies K_1 … K_n that the formalism works on: links that no freedom separates, lumped into one body."""
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -31,7 +31,7 @@ class Body:
     offset: float = 0.0
 
 
-Field = Sequence[Any]  # one record per body: an array, or a named tuple of arrays
+Field = Any  # a sequence of one record per body: of arrays, or of named tuples of arrays
 
 
 @dataclass(frozen=True, eq=False)

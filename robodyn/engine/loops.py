@@ -1,0 +1,240 @@
+"""LLVM IR of a program with loops (`sweeps.Looped`): steps as functions of a node's row, a driver over each forest.
+
+What differs from node to node (where its numbers lie, its parameters) comes from tables that are bound when the code is loaded, so one
+compiled driver serves forests of any size. The workspace is on the heap: ten thousand nodes do not fit on a thread's stack.
+"""
+
+from collections.abc import Iterator
+from typing import Any
+
+from .code import Code
+from .emit import Part, gathered, instructions, prologue, scattered
+from .functions import Type
+from .program import Program
+from .sweeps import FIXED_COLUMNS, Fill, Loop, Looped, Straight
+
+OWN, UP, PARAM, KIND = range(len(FIXED_COLUMNS))
+TRUSTED = ("trusted",)  # the slot of 1, or of −1 where a check failed
+
+
+class LoopedPart:
+    """A program with loops as one function over slots: what `emit.Part` is for straight-line code."""
+
+    def __init__(self, program: Looped, t: Type, name: str) -> None:
+        self.program, self.name, self._t = program, name, t
+        self.guards = (TRUSTED,)
+        self._straight = {
+            n: Part(item.program, t, f"{name}{n}.", item.slots, program.size + 1)
+            for n, item in enumerate(program.items)
+            if isinstance(item, Straight)
+        }
+        self.size = max([program.size + 1, *(part.size for part in self._straight.values())])
+        self.slots: dict[Any, int] = {("in", x, 0): start for x, start in program.starts.items()}
+        self.slots |= {("out", x, 0): place.start for x, place in program.outputs.items()} | {TRUSTED: program.size}
+
+    def functions(self) -> Iterator[str]:
+        """The definitions, and the tables they read."""
+        for f in range(len(self.program.counts)):
+            yield f"@rows{f} = global ptr null"
+            yield f"@parameters{f} = global ptr null"
+        for part in self._straight.values():
+            yield from part.functions()
+        for n, item in enumerate(self.program.items):
+            if isinstance(item, Loop):
+                for kind, step in enumerate(item.steps):
+                    if step or item.clears:
+                        yield from self._step(f"{self.name}{n}.{kind}", item, step)
+        yield from self._evaluate()
+
+    def calls(self, slots: str) -> list[str]:
+        """The lines that evaluate the program on slots whose inputs are set."""
+        return [f"  call void @{self.name}(ptr {slots})"]
+
+    def _step(self, name: str, loop: Loop, step: tuple[Program, tuple[tuple[str, int], ...]] | None) -> Iterator[str]:
+        """void @name(slots, row, parameters): one node."""
+        t, F, lines, bases = self._t, self._t.float, [], {}
+        columns = (*FIXED_COLUMNS, *self.program.columns[loop.forest])
+
+        def address(base: str, offset: int) -> str:
+            if base != "slot" and base not in bases:
+                lines.append(f"  %{base}.row = getelementptr i64, ptr %row, i64 {columns.index(base)}")
+                lines.append(f"  %{base}.offset = load i64, ptr %{base}.row")
+                kind, origin = ("double", "parameters") if base == "param" else (F, "slots")
+                lines.append(f"  %{base}.base = getelementptr {kind}, ptr %{origin}, i64 %{base}.offset")
+                bases[base] = f"%{base}.base"
+            name = f"%a{len(lines)}"
+            lines.append(f"  {name} = getelementptr {'double' if base == 'param' else F}, ptr {bases.get(base, '%slots')}, i64 {offset}")
+            return name
+
+        stores = []
+        if step:
+            code, places = step
+
+            def load(j: int) -> str:
+                base, offset = code.instructions[j][1:]
+                where = address(base, offset)
+                if base != "param" or t.lanes == 1:
+                    lines.append(f"  %v{j} = load {F}, ptr {where}")
+                else:
+                    lines.append(f"  %s{j} = load double, ptr {where}")
+                    lines.append(f"  %i{j} = insertelement {F} undef, double %s{j}, i32 0")
+                    lines.append(f"  %v{j} = shufflevector {F} %i{j}, {F} undef, <{t.lanes} x i32> zeroinitializer")
+                return f"%v{j}"
+
+            operand = instructions(code, t, range(len(code.instructions)), load, lines)
+            stores = [(place, operand(value)) for place, value in zip(places, code.outputs[""], strict=True)]
+        stores += [(("own", offset), t.constant(0.0)) for offset in loop.clears]
+        for n, ((base, offset), value) in enumerate(stores):
+            where = address(base, offset)
+            if base in ("up", "slot"):
+                lines.append(f"  %old{n} = load {F}, ptr {where}")
+                lines.append(f"  %new{n} = fadd {F} %old{n}, {value}")
+                value = f"%new{n}"
+            lines.append(f"  store {F} {value}, ptr {where}")
+        yield f"define internal void @{name}(ptr noalias %slots, ptr noalias readonly %row, ptr noalias readonly %parameters) nounwind {{"
+        yield from lines
+        yield "  ret void"
+        yield "}"
+
+    def _evaluate(self) -> Iterator[str]:
+        """void @name(slots): item after item, then the checks."""
+        c, t, program = Code(), self._t, self.program
+        for n, item in enumerate(program.items):
+            if isinstance(item, Straight):
+                c.lines += self._straight[n].calls("%slots")
+            elif isinstance(item, Fill):
+                self._fill(c, item)
+            else:
+                self._loop(c, f"{self.name}{n}", item)
+
+        # Every checked value is positive, and not infinite.
+        good = c.variable(t.bool, t.splat("i1", "true"))
+        i = c.variable("i64", str(program.checks.start))
+        with c.repeat(lambda: c.value(f"icmp slt i64 {c.get('i64', i)}, {program.checks.stop}")):
+            x = c.get(t.float, c.at(t.float, "%slots", c.get("i64", i)))
+            fine = c.binary("and", t.bool, c.value(f"fcmp ogt {t.float} {x}, {t.constant(0.0)}"), self._finite(c, x))
+            c.set(t.bool, good, c.binary("and", t.bool, c.get(t.bool, good), fine))
+            c.set("i64", i, c.binary("add", "i64", c.get("i64", i), "1"))
+        answer = c.value(f"select {t.bool} {c.get(t.bool, good)}, {t.float} {t.constant(1.0)}, {t.float} {t.constant(-1.0)}")
+        c.set(t.float, c.at(t.float, "%slots", program.size), answer)
+        c.leave("void", "")
+        yield from c.function(f"define internal void @{self.name}(ptr noalias %slots) noinline nounwind")
+
+    def _finite(self, c: Code, x: str) -> str:
+        return c.value(f"fcmp olt {self._t.float} {x}, {self._t.constant(float('inf'))}")
+
+    def _fill(self, c: Code, item: Fill) -> None:
+        F = self._t.float
+        if len(item.values) <= 8 or any(item.values):
+            for k, x in enumerate(item.values):
+                c.set(F, c.at(F, "%slots", item.start + k), self._t.constant(x))
+            return
+        i = c.variable("i64", str(item.start))
+        with c.repeat(lambda: c.value(f"icmp slt i64 {c.get('i64', i)}, {item.start + len(item.values)}")):
+            c.set(F, c.at(F, "%slots", c.get("i64", i)), self._t.constant(0.0))
+            c.set("i64", i, c.binary("add", "i64", c.get("i64", i), "1"))
+
+    def _loop(self, c: Code, name: str, loop: Loop) -> None:
+        """All nodes in order, each by its kind's step."""
+        n, width = self.program.counts[loop.forest], len(FIXED_COLUMNS) + len(self.program.columns[loop.forest])
+        table, parameters = (c.get("ptr", f"@{x}{loop.forest}") for x in ("rows", "parameters"))
+        i = c.variable("i64", str(n - 1 if loop.inward else 0))
+        with c.repeat(lambda: c.value(f"icmp {'sge' if loop.inward else 'slt'} i64 {c.get('i64', i)}, {0 if loop.inward else n}")):
+            row = c.at("i64", table, c.binary("mul", "i64", c.get("i64", i), str(width)))
+            called = [kind for kind, step in enumerate(loop.steps) if step or loop.clears]
+            kind = c.get("i64", c.at("i64", row, KIND)) if len(loop.steps) > 1 else ""
+            for k in called:
+                call = f"call void @{name}.{k}(ptr %slots, ptr {row}, ptr {parameters})"
+                if not kind:
+                    c.add(call)
+                    continue
+                with c.when(c.value(f"icmp eq i64 {kind}, {k}")):
+                    c.add(call)
+            c.set("i64", i, c.binary("add", "i64", c.get("i64", i), "-1" if loop.inward else "1"))
+
+
+def module(program: Looped, lanes: int) -> str:
+    """IR text with the same `@run` as `emit.module` writes for straight-line code."""
+    t = Type(lanes)
+    part = LoopedPart(program, t, "evaluate")
+    lines = [*prologue(t, program), *part.functions(), *_run(part, t)]
+    lines += ["declare ptr @malloc(i64)", "declare void @free(ptr)", "declare i64 @llvm.smin.i64(i64, i64)"]
+    if lanes > 1:
+        lines.append(f"declare {t.float} @llvm.masked.load.{t.name}.p0(ptr, i32, {t.bool}, {t.float})")
+        lines.append(f"declare void @llvm.masked.store.{t.name}.p0({t.float}, ptr, i32, {t.bool})")
+    return "\n".join(lines) + "\n"
+
+
+def _run(part: LoopedPart, t: Type) -> Iterator[str]:
+    """Blocks of `lanes` rows: gather, evaluate, check, scatter; as `emit` does, with loops over the columns."""
+    c, program, F, L = Code(), part.program, t.float, t.lanes
+    memory = c.value(f"call ptr @malloc(i64 {8 * L * part.size + 64})")
+    with c.when(c.value(f"icmp eq ptr {memory}, null")):
+        c.leave("i64", "0")
+    address = c.binary("and", "i64", c.binary("add", "i64", c.value(f"ptrtoint ptr {memory} to i64"), "63"), "-64")
+    slots = c.value(f"inttoptr i64 {address} to ptr")
+    last = c.binary("sub", "i64", "%count", str(L))
+    row, bad = c.variable("i64", "0"), c.variable("i64", "-1")
+
+    def going() -> str:
+        left = c.value(f"icmp slt i64 {c.get('i64', row)}, %count")
+        return c.binary("and", "i1", left, c.value(f"icmp slt i64 {c.get('i64', bad)}, 0"))
+
+    def groups(size: int, start: int, rows_of: list[str], body) -> None:
+        """body(row pointers, slots pointer, width) for every group of at most L columns of a vector."""
+        whole = size // L * L
+        j = c.variable("i64", "0")
+        if whole:
+            with c.repeat(lambda: c.value(f"icmp slt i64 {c.get('i64', j)}, {whole}")):
+                at = c.get("i64", j)
+                place = c.at(F, slots, c.binary("add", "i64", at, str(start)))
+                body([c.at("double", pointer, at) for pointer in rows_of], place, L)
+                c.set("i64", j, c.binary("add", "i64", at, str(L)))
+        if size > whole:
+            body([c.at("double", pointer, whole) for pointer in rows_of], c.at(F, slots, start + whole), size - whole)
+
+    with c.repeat(going):
+        # The last block ends with the last row: it may compute rows of the one before again, and writes the same.
+        first = c.value(f"call i64 @llvm.smin.i64(i64 {c.get('i64', row)}, i64 {last})")
+        finite = c.variable(F, t.constant(0.0))
+
+        def checked(x: str) -> None:
+            c.set(F, finite, c.fma(t, x, t.constant(0.0), c.get(F, finite)))
+
+        for k, (name, size) in enumerate(program.inputs.items()):
+            pointers = [
+                c.at("double", f"%in{k}", c.binary("mul", "i64", c.binary("add", "i64", first, str(i)), f"%stride{k}")) for i in range(L)
+            ]
+
+            def gather(pointers: list[str], place: str, width: int) -> None:
+                values, lines = gathered(t, c.name()[1:], pointers, width)
+                c.lines += lines
+                for n, x in enumerate(values):
+                    c.set(F, c.at(F, place, n), x)
+                    checked(x)
+
+            groups(size, program.starts[name], pointers, gather)
+        c.lines += part.calls(slots)
+
+        good = c.value(f"fcmp ogt {F} {c.get(F, c.at(F, slots, part.slots[TRUSTED]))}, {t.constant(0.0)}")
+        for k, place in enumerate(program.outputs.values()):
+            pointers = [
+                c.at("double", f"%out{k}", c.binary("mul", "i64", c.binary("add", "i64", first, str(i)), str(len(place)))) for i in range(L)
+            ]
+
+            def scatter(pointers: list[str], place: str, width: int) -> None:
+                values = [c.get(F, c.at(F, place, n)) for n in range(width)]
+                for x in values:
+                    checked(x)
+                c.lines += scattered(t, c.name()[1:], pointers, values)
+
+            groups(len(place), place.start, pointers, scatter)
+        good = c.binary("and", t.bool, good, c.value(f"fcmp oeq {F} {c.get(F, finite)}, {t.constant(0.0)}"))
+        passed = good if L == 1 else c.value(f"icmp eq i{L} {c.value(f'bitcast {t.bool} {good} to i{L}')}, -1")
+        c.set("i64", bad, c.value(f"select i1 {passed}, i64 -1, i64 {c.get('i64', row)}"))
+        c.set("i64", row, c.binary("add", "i64", c.get("i64", row), str(L)))
+    c.add(f"call void @free(ptr {memory})")
+    c.leave("i64", c.get("i64", bad))
+    arguments = [f"ptr noalias readonly %in{k}, i64 %stride{k}" for k in range(len(program.inputs))]
+    arguments += [f"ptr noalias %out{k}" for k in range(len(program.outputs))]
+    yield from c.function(f"define i64 @run({', '.join(arguments)}, i64 %count) nounwind")

@@ -1,0 +1,181 @@
+"""A tree whose sweeps are recorded: the formalism's step of one body is traced once per kind of body, and compiled into a loop.
+
+What `model.Tree` is for arrays, `LoopedTree` is for robots of more bodies than can be written out. Bodies are of one kind where their
+joints are of one type and their constants have zeros and ones in the same places; all other constants become parameters.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from .arithmetic import Array
+from .engine.graph import Graph, Scalar
+from .engine.sweeps import Forest, Recorder, Records, objects
+from .equations import Equations, Views
+from .model import Body, Field, Inertia, Tree
+
+KINDS = 4  # patterns of constants per joint type and axis up to which each has a step of its own
+
+
+@dataclass(frozen=True, eq=False)
+class LoopedTree(Tree):
+    """The same bodies, visited by a recorder."""
+
+    recorder: Recorder
+
+    @classmethod
+    def of(cls, tree: Tree, recorder: Recorder) -> "LoopedTree":
+        """The looped form of a tree without mimic joints."""
+        return cls(**{f.name: getattr(tree, f.name) for f in fields(Tree)}, recorder=recorder)
+
+    @cached_property
+    def _kinds(self) -> list["_Kind"]:
+        return _kinds(self.bodies)
+
+    @cached_property
+    def _forest(self) -> int:
+        kinds, parameters = np.zeros(len(self.bodies), dtype=np.int64), [np.zeros(0)] * len(self.bodies)
+        for k, kind in enumerate(self._kinds):
+            for i in kind.members:
+                kinds[i], parameters[i] = k, _constants(self.bodies[i])[kind.free]
+        starts = {name: np.array([getattr(body, name).start for body in self.bodies]) for name in ("q", "v", "u")}
+        columns = {**starts, "six": 6 * np.arange(len(self.bodies))}
+        parents = np.array([body.parent for body in self.bodies])
+        return self.recorder.forest(Forest(kinds, parents, columns, parameters))
+
+    def _body(self, kind: int, graph: Graph | None) -> Body:
+        return self._kinds[kind].body(graph)
+
+    def _same(self, value: Callable[[Body], list[Any]]) -> Records:
+        """Records of places that each kind knows."""
+        places = [value(kind.example) for kind in self._kinds]
+        return Records(self.recorder, self._forest, places, [lambda xs: objects(xs)] * len(places))
+
+    # --- sweeps ---
+
+    def each(self, step: Callable[..., Any], *fields: Field) -> Field:
+        return self.outward(lambda body, _, *records: ((), step(body, *records)), (), *fields)
+
+    def outward(self, step: Callable[..., tuple[Any, Any]], root: Any, *fields: Field) -> Field:
+        def at(kind: int, comes: Any, graph: Graph, *records: Any) -> tuple[Any, Any]:
+            return step(self._body(kind, graph), comes, *records)
+
+        return self.recorder.sweep(self._forest, at, fields, root=root)
+
+    def inward(self, step: Callable[..., tuple[Any, Any]], *fields: Field) -> Field:
+        def at(kind: int, comes: Any, graph: Graph, *records: Any) -> tuple[Any, Any]:
+            return step(self._body(kind, graph), [] if comes is None else [comes], *records)
+
+        return self.recorder.sweep(self._forest, at, fields, inward=True)
+
+    def total(self, step: Callable[..., Any], *fields: Field) -> Any:
+        def at(kind: int, graph: Graph, *records: Any) -> Any:
+            return step(self._body(kind, graph), *records)
+
+        return self.recorder.total(self._forest, at, fields)
+
+    def unzip(self, records: Field, count: int) -> tuple[Field, ...]:
+        return records.unzip(count)
+
+    def split(self, x: Array, kind: str) -> Field:
+        size = {"q": lambda body: body.joint.nq, "v": lambda body: body.joint.nv, "u": lambda body: body.joint.nv}[kind]
+        found = self.recorder.vector(x)
+        if found is None:
+            return self._same(lambda body: [0.0] * size(body))
+        region, start = found
+        return self._same(lambda body: [("vector", region, start, kind, k) for k in range(size(body))])
+
+    def on_bodies(self, values: Mapping[int, Array]) -> Field:
+        if not values:
+            return Records(self.recorder, self._forest, [[] for _ in self._kinds], [lambda xs: None] * len(self._kinds))
+        entries = [(6 * i + k, x) for i, wrench in sorted(values.items()) for k, x in enumerate(wrench)]
+        region = self.recorder.sparse(6 * len(self.bodies), entries)
+        return self._same(lambda body: [("vector", region, 0, "six", k) for k in range(6)])
+
+    def gathered(self, parts: Field) -> Array:
+        return self.recorder.gathered(parts, "v", self.nv)
+
+
+class LoopedViews(Views):
+    """A scene's equations on looped trees, recorded together."""
+
+    def __init__(self, views: Views, recorder: Recorder) -> None:
+        self._views, self._recorder = views, recorder
+
+    def _equations(self, *, opened: bool) -> Equations:
+        equations = self._views.opened if opened else self._views.lumped
+        return replace(equations, tree=LoopedTree.of(equations.tree, self._recorder))
+
+
+# --- kinds of bodies -----------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class _Kind:
+    """Bodies that share a step: an example, who they are, and which of their constants are parameters."""
+
+    example: Body
+    members: Sequence[int]
+    free: Array  # (n,) bool
+
+    def body(self, graph: Graph | None) -> Body:
+        """The example with its free constants as symbols."""
+        if graph is None:
+            return self.example
+        values: list[Any] = _constants(self.example).tolist()
+        for k, place in enumerate(np.flatnonzero(self.free)):
+            values[place] = graph.node("in", "param", k)
+        return _with_constants(self.example, values)
+
+
+def _kinds(bodies: Sequence[Body]) -> list[_Kind]:
+    groups: dict[Any, dict[Any, list[int]]] = {}
+    for i, body in enumerate(bodies):
+        constants, own = _constants(body), len(_joint_constants(body))
+        # Zeros and ones fold away when traced; a joint that looks at its constants keeps them all.
+        pattern = [x if abs(x) in (0.0, 1.0) else None for x in constants]
+        joint = (type(body.joint), tuple(pattern[:own] if body.joint.traceable else constants[:own]))
+        groups.setdefault(joint, {}).setdefault(tuple(pattern[own:]), []).append(i)
+    kinds = []
+    for (_, joint), patterns in groups.items():
+        members = [list(x) for x in patterns.values()] if len(patterns) <= KINDS else [[i for x in patterns.values() for i in x]]
+        for ids in members:
+            table = np.array([_constants(bodies[i]) for i in ids])
+            free = (table != table[0]).any(0) | ~np.isin(abs(table[0]), (0.0, 1.0))
+            free[: len(joint)] &= bodies[ids[0]].joint.traceable
+            kinds.append(_Kind(bodies[ids[0]], ids, free))
+    return kinds
+
+
+_UPPER = np.triu_indices(3)
+
+
+def _joint_constants(body: Body) -> list[float]:
+    return [x for f in fields(body.joint) for x in np.ravel(getattr(body.joint, f.name))]
+
+
+def _constants(body: Body) -> Array:
+    """The numbers that make a body: its joint's, its place, its inertia."""
+    inertia = body.inertia
+    parts = [_joint_constants(body), body.rotation.ravel(), body.translation, [inertia.mass], inertia.moment, inertia.tensor[_UPPER]]
+    return np.concatenate([np.asarray(x, dtype=float) for x in parts])
+
+
+def _with_constants(body: Body, values: list[float | Scalar]) -> Body:
+    """The body with other numbers in the same places."""
+    rest = list(values)
+
+    def take(shape: tuple[int, ...]) -> Array:
+        n = int(np.prod(shape, dtype=int))
+        taken, rest[:] = rest[:n], rest[n:]
+        return objects(taken).reshape(shape)
+
+    joint = replace(body.joint, **{f.name: take(np.shape(getattr(body.joint, f.name))) for f in fields(body.joint)})
+    rotation, translation, (mass,), moment, upper = take((3, 3)), take((3,)), take((1,)), take((3,)), take((6,))
+    tensor = np.empty((3, 3), dtype=object)
+    tensor[_UPPER] = upper
+    tensor.T[_UPPER] = upper
+    return replace(body, joint=joint, rotation=rotation, translation=translation, inertia=Inertia(mass, moment, tensor))
