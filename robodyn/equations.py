@@ -21,7 +21,7 @@ from .formalism.reactions import joint_wrenches, reactions
 from .formalism.recursive import recursive
 from .formalism.saddle import saddle_body, saddle_joint
 from .formalism.solution import Solution
-from .formalism.spatial import Pose, wrench_to_parent
+from .formalism.spatial import wrench_to_parent
 from .loads import Load, State
 from .model import Mechanism, Tree, lump
 
@@ -174,13 +174,11 @@ class Equations:
         return energy.momentum(self.tree, kinematics.motion(self.tree, q, v))
 
     def link_poses(self, q: Array) -> Array:
-        """The pose (..., nlinks, 4, 4) of every link's frame in the ground's."""
+        """The pose (..., nlinks, 4, 4) of every link's frame in the ground's; `self.tree` must be open at each joint."""
         tree, world = self.tree, kinematics.world_poses(self.tree, kinematics.poses(self.tree, q))
-        placed = [Pose(R, r) for R, r in zip(tree.link_rotation, tree.link_translation, strict=True)]
-        links = [world[b] @ X if b >= 0 else X for b, X in zip(tree.link_body, placed, strict=True)]
-        matrices = [homogeneous(*X) for X in links]
-        shape = np.broadcast_shapes((*q.shape[:-1], 4, 4), *(T.shape for T in matrices))
-        return np.stack([np.broadcast_to(T, shape) for T in matrices], axis=-3)
+        matrices = tree.each(lambda _, X: homogeneous(*X).reshape(*X.R.shape[:-2], 16), world)
+        poses = tree.rows(matrices, tree.link_body, 16)
+        return poses.reshape(*poses.shape[:-1], 4, 4)
 
 
 class Views:

@@ -22,7 +22,7 @@ from .errors import InputError, ModelError
 from .loads import Load
 from .looped import LoopedViews
 from .model import Mechanism
-from .questions import Answer, Evolution, ForwardDynamics, Question
+from .questions import Answer, Evolution, ForwardDynamics, InverseDynamics, MassMatrix, Question
 from .trust import refuse_impossible, refuse_infinite, refuse_massless, refuse_undetermined, smallest_pivots
 
 UNROLLED = 60  # moving bodies up to which a kernel is straight-line code: beyond, compiling takes longer than it is worth
@@ -55,6 +55,8 @@ class Evaluator:
         if threads is not None and (not isinstance(threads, int) or threads < 1):
             raise InputError(f"threads={threads!r} must be a whole number of at least 1, or None for all cores")
         # The saddle-point routes are oracles: they choose pivots, which no kernel can.
+        if backend == "native" and isinstance(question, MassMatrix) and self.loops:
+            return {"M": self._mass_matrix(threads=threads, **arrays)}
         if backend == "native" and getattr(question, "formalism", "") not in SADDLES:
             answer = self._natively(question, t, threads, arrays)
             if answer is not None:
@@ -74,6 +76,16 @@ class Evaluator:
             return None
         shapes = question.shapes(self.robot)
         return {name: x.reshape(batch + shapes[name]) for name, x in values.items()}
+
+    @cached_property
+    def _at_rest(self) -> "Evaluator":
+        return Evaluator(self.robot, np.zeros(3), ())
+
+    def _mass_matrix(self, q: object, threads: int | None) -> Array:
+        """M̂ (..., nv, nv) of a robot of many bodies: what unit accelerations take at rest, without gravity and loads."""
+        x = inputs.array("q", q, self.robot.nq, f"nq of {self.robot.name!r}")
+        M = self._at_rest.ask(InverseDynamics(), q=x[..., None, :], v=None, a=np.eye(self.robot.nv), threads=threads)["tau"]
+        return np.triu(M) + np.swapaxes(np.triu(M, 1), -1, -2)
 
     def _directly(self, question: Question, backend: str, t: Array | float, arrays: Mapping[str, object]) -> dict[str, Array]:
         views = self.views(backend)

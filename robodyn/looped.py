@@ -42,9 +42,8 @@ class LoopedTree(Tree):
             for i in kind.members:
                 kinds[i], parameters[i] = k, _constants(self.bodies[i])[kind.free]
         starts = {name: np.array([getattr(body, name).start for body in self.bodies]) for name in ("q", "v", "u")}
-        columns = {**starts, "six": 6 * np.arange(len(self.bodies))}
         parents = np.array([body.parent for body in self.bodies])
-        return self.recorder.forest(Forest(kinds, parents, columns, parameters))
+        return self.recorder.forest(Forest(kinds, parents, starts, parameters))
 
     def _body(self, kind: int, graph: Graph | None) -> Body:
         return self._kinds[kind].body(graph)
@@ -93,10 +92,17 @@ class LoopedTree(Tree):
             return Records(self.recorder, self._forest, [[] for _ in self._kinds], [lambda xs: None] * len(self._kinds))
         entries = [(6 * i + k, x) for i, wrench in sorted(values.items()) for k, x in enumerate(wrench)]
         region = self.recorder.sparse(6 * len(self.bodies), entries)
-        return self._same(lambda body: [("vector", region, 0, "six", k) for k in range(6)])
+        return self._same(lambda body: [("vector", region, 0, self._column(6), k) for k in range(6)])
 
     def gathered(self, parts: Field) -> Array:
         return self.recorder.gathered(parts, "v", self.nv)
+
+    def rows(self, parts: Field, bodies: Sequence[int], size: int) -> Array:
+        return self.recorder.gathered(parts, self._column(size), size * len(self.bodies)).reshape(-1, size)[list(bodies)]
+
+    def _column(self, size: int) -> str:
+        """The column of offsets where every body has `size` entries."""
+        return self.recorder.column(self._forest, f"row{size}", size * np.arange(len(self.bodies)))
 
 
 class LoopedViews(Views):

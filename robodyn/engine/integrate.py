@@ -21,6 +21,7 @@ DONE, PAUSED, STEP_TOO_SMALL, NOT_FINITE = range(4)  # what `advance` returns
 
 # The numbers that `advance` reads and writes, each a double.
 HEADER = ("t", "h", "t0", "t_end", "count", "rtol", "atol", "next", "steps", "rejected", "evaluations", "started", "shrink")
+ON_STACK = 4000  # entries of the workspace up to which it is on the stack, from where LLVM lifts it into registers
 UNROLLED = 48  # entries of a state vector up to which loops over it are written out
 
 SAFETY, SHRINK, GROW = 0.9, 0.2, 10.0  # of the step size control
@@ -43,9 +44,15 @@ class Method:
 def module(method: Method, rhs: Program | Looped, project: Program | None, lanes: int) -> str:
     """IR text with `i64 @advance(ptr header, ptr x, ptr k, ptr times, i64 ntimes, ptr out, i64 budget)`.
 
-    header: see HEADER. x: nx entries; k: room for `stages(method)` × nx; out: ntimes × nx. An entry is a double, or `lanes` of them.
+    header: see HEADER. x: nx entries; k: room for `room(…)` entries; out: ntimes × nx. An entry is a double, or `lanes` of them.
     """
     return _Writer(method, rhs, project, Type(lanes)).text()
+
+
+def room(method: Method, rhs: Program | Looped, project: Program | None) -> int:
+    """Entries of the array k: derivatives, and behind them the workspace of a right-hand side that is too large for the stack."""
+    writer = _Writer(method, rhs, project, Type(1))
+    return stages(method) * writer.nx + (writer.workspace if writer.large else 0)
 
 
 def stages(method: Method) -> int:
@@ -59,6 +66,8 @@ class _Writer:
         self.f = emit.part(rhs, t, "f")
         self.project = emit.part(project, t, "project") if project else None
         self.header = {name: f"%header.{name}" for name in HEADER}
+        self.workspace = self.f.size + self.nx + (self.project.size if self.project else 0)
+        self.large = self.workspace > ON_STACK
 
     def text(self) -> str:
         programs = [part.program for part in (self.f, self.project) if part]
@@ -170,13 +179,12 @@ class _Writer:
         for i, name in enumerate(HEADER):
             c.add(f"{self.header[name]} = getelementptr double, ptr %header, i64 {i}")
         self.fs, self.xnew, self.ps = "%f.slots", "%x.new", "%project.slots"
-        align = f"align {8 * t.lanes}"
-        c.allocations += [
-            f"  {self.fs} = alloca {t.float}, i64 {self.f.size}, {align}",
-            f"  {self.xnew} = alloca {t.float}, i64 {self.nx}, {align}",
-        ]
-        if self.project:
-            c.allocations.append(f"  {self.ps} = alloca {t.float}, i64 {self.project.size}, {align}")
+        arrays = [(self.fs, self.f.size), (self.xnew, self.nx), *([(self.ps, self.project.size)] if self.project else [])]
+        start = stages(m) * self.nx
+        for name, size in arrays:
+            place = f"getelementptr {t.float}, ptr %k, i64 {start}" if self.large else f"alloca {t.float}, i64 {size}, align {8 * t.lanes}"
+            c.allocations.append(f"  {name} = {place}")
+            start += size
 
         # The first derivative, once.
         with c.when(c.value(f"fcmp oeq double {self.number('started')}, {_hex(0.0)}")):

@@ -64,7 +64,7 @@ class Forest:
 
     kinds: Array
     parents: Array
-    columns: Mapping[str, Array]
+    columns: dict[str, Array]
     parameters: Sequence[Array]
 
     @property
@@ -216,6 +216,11 @@ class Recorder:
         """Its number."""
         self.forests.append(forest)
         return len(self.forests) - 1
+
+    def column(self, forest: int, name: str, offsets: Array) -> str:
+        """The name, with a column of offsets (n,) added to the forest where it has none of that name."""
+        self.forests[forest].columns.setdefault(name, offsets)
+        return name
 
     def at(self, forest: int, i: int, place: Place) -> Any:
         """A number of node i, for straight-line code."""

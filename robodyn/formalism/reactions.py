@@ -7,8 +7,6 @@ link's origin), resolved in the child link's frame unless another frame is asked
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
-
 from ..algebra import joined, mul
 from ..arithmetic import Array
 from ..errors import UnknownNameError
@@ -75,9 +73,7 @@ def reactions(tree: Tree, state: Motion, q: Array, total: Field, u: Array, *, fr
     X = world_poses(tree, state.pose) if frame == "world" else state.pose
     R = tree.each(lambda _, pose: pose.R, X)
     found = tree.each(shown, total, R, tree.split(q, "q"), tree.split(u, "u"))
-    wrenches = [np.zeros((0, 6)), *(found[tree.link_body[link]][..., None, :] for link in joints)]
-    batch = np.broadcast_shapes(*(f.shape[:-2] for f in wrenches))
-    return np.concatenate([np.broadcast_to(f, batch + f.shape[-2:]) for f in wrenches], axis=-2)
+    return tree.rows(found, [tree.link_body[link] for link in joints], 6)
 
 
 def turned(R: Array, f: Array) -> Array:

@@ -1,6 +1,6 @@
 """The tree of bodies K_1 … K_n that the formalism works on: links that no freedom separates, lumped into one body."""
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -101,6 +101,12 @@ class Tree:
                 c, x = body.v.start + k, part[..., k]
                 columns[c] = x if columns[c] is None else columns[c] + x
         return stacked(columns)
+
+    def rows(self, parts: Field, bodies: Sequence[int], size: int) -> Array:
+        """The arrays (..., size) of these bodies as rows (..., n, size)."""
+        rows = [np.zeros((0, size)), *(parts[i][..., None, :] for i in bodies)]
+        batch = np.broadcast_shapes(*(x.shape[:-2] for x in rows))
+        return np.concatenate([np.broadcast_to(x, batch + x.shape[-2:]) for x in rows], axis=-2)
 
     # --- what is known of it ---
 

@@ -22,7 +22,7 @@ class Advance:
     """A compiled integrator for one scene: nx numbers per state, `lanes` states side by side."""
 
     function: Callable[..., int]
-    rows: int
+    room: int
     nx: int
     lanes: int
     adaptive: bool
@@ -34,10 +34,10 @@ def compiled(evaluator: Evaluator, method: str, formalism: str, lanes: int) -> A
     assert integrator.tableau is not None
     tableau = integrator.tableau()
     rhs = evaluator.evolution(formalism, semi_implicit=integrator.semi_implicit)
-    loaded = load(integrate.module(tableau, rhs, evaluator.projection(), lanes))
+    loaded = load(integrate.module(tableau, rhs, evaluator.projection(), lanes), rhs.tables)
     function = loaded.function("advance", *[ctypes.c_void_p] * 4, ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64)
     function.owner = loaded  # the code lives as long as the function
-    return Advance(function, integrate.stages(tableau), rhs.inputs["x"], lanes, integrator.adaptive)
+    return Advance(function, integrate.room(tableau, rhs, evaluator.projection()), rhs.inputs["x"], lanes, integrator.adaptive)
 
 
 class Run:
@@ -51,7 +51,7 @@ class Run:
         self._header = np.array([values.get(name, 0.0) for name in integrate.HEADER])
         self._x = _aligned((advance.nx, advance.lanes))
         self._x[:] = x0
-        self._k = _aligned((advance.rows, advance.nx, advance.lanes))
+        self._k = _aligned((advance.room, advance.lanes))
         self._out = _aligned((len(times), advance.nx, advance.lanes))
         self._budget = 64
         # Outputs at the start are the start.
