@@ -5,7 +5,7 @@ import warnings
 from pathlib import Path
 
 import robodyn as rd
-from robodyn.report.pinocchio import Pair
+from robodyn.report.peers.pinocchio import Pair
 
 DATA = Path(sysconfig.get_paths()["purelib"]) / "cmeel.prefix/share/example-robot-data/robots"
 
