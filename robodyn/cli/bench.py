@@ -10,6 +10,7 @@ import json
 import sys
 from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from rich.console import Console
@@ -51,6 +52,8 @@ def run(options: argparse.Namespace) -> int:
         raise InputError(f"{', '.join(bad)}: must be at least 1")
     if not options.robots and not counts:
         raise InputError("nothing to measure: give URDF files, or --chains")
+    if options.yardstick and not Path(options.yardstick).is_file():
+        raise InputError(f"--yardstick {options.yardstick}: there is no such file")
     if options.json:
         writable(options.json)
     settings = replace(Settings.quick() if options.quick else Settings(), **given)
@@ -67,10 +70,12 @@ def run(options: argparse.Namespace) -> int:
             routes = ", ".join(f"{route} {n}" for route, n in about["operations"].items())
             title = f"{about['name']}: {about['nv']} degrees of freedom, κ up to {about['condition']:.0e}; operations: {routes}"
             found = rows(subject, options.only, script=options.yardstick, tick=progress.show)
-            results.append({"file": file, **about, "rows": _printed(title, found, progress)})
+            results.append({"file": file, **about, "rows": []})
+            _print(title, found, progress, results[-1]["rows"])
         if counts:
             found = chain_rows(counts, settings, progress.show)
-            results.append({"name": "chains", "rows": _printed("chains of revolute joints", found, progress)})
+            results.append({"name": "chains", "rows": []})
+            _print("chains of revolute joints", found, progress, results[-1]["rows"])
     finally:
         if options.json:
             record = {"machine": machine(), "settings": vars(settings), "robots": results}
@@ -78,8 +83,8 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _printed(title: str, rows: Iterator[Row], progress: "_Progress") -> list[dict[str, Any]]:
-    """Print the rows as a table, those there are where the user interrupts; records of them."""
+def _print(title: str, rows: Iterator[Row], progress: "_Progress", records: list[dict[str, Any]]) -> None:
+    """Measure and print the rows, those there are where the user interrupts, and keep records of them."""
     found: list[Row] = []
     try:
         found.extend(rows)
@@ -87,7 +92,7 @@ def _printed(title: str, rows: Iterator[Row], progress: "_Progress") -> list[dic
         progress.show("")
         print(f"\n{title}\n")
         print_table(HEADINGS, (_cells(row) for row in found), left=2)
-    return [row.record() for row in found]
+        records += [row.record() for row in found]
 
 
 def _cells(row: Row) -> tuple[str, ...]:

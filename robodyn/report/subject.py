@@ -36,7 +36,7 @@ class Settings:
     @classmethod
     def quick(cls) -> "Settings":
         """So little that the figures mean nothing: whether it runs at all."""
-        return cls(batch=64, rounds=2, t_end=0.05, crowd=16, crowd_steps=10, checked=2)
+        return cls(batch=64, rounds=1, t_end=0.05, crowd=16, crowd_steps=10, checked=2)
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,6 +7,7 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,8 @@ from ..errors import RobodynError
 
 Job = Callable[[], Any]
 SHORT = 0.1  # [s]: a job of less is run once, unmeasured, before each measurement, so that its data is in the cache as in a user's loop
+PATIENCE = 20.0  # [s] of measuring slow jobs, after which the rounds are as few as FEWEST
+FEWEST = 3
 
 
 @dataclass(frozen=True)
@@ -39,11 +42,13 @@ class Timing:
 def interleaved(jobs: Sequence[Job], rounds: int, tick: Callable[[int], None] = lambda _: None) -> list[list[float]]:
     """Seconds that each job took in each round; who goes first changes from round to round. A first run of each does not count.
 
-    tick: called with the number of the round, outside of what is timed.
+    Jobs that take seconds get fewer rounds, see PATIENCE. tick: called with the number of the round, outside of what is timed.
     """
     took = [_timed(job) for job in jobs]
     times: list[list[float]] = [[] for _ in jobs]
     for i in range(rounds):
+        if i >= FEWEST and sum(map(sum, times)) > PATIENCE:
+            break
         tick(i)
         for j in range(len(jobs)) if i % 2 == 0 else reversed(range(len(jobs))):
             if took[j] < SHORT:
@@ -59,9 +64,14 @@ def _timed(job: Job) -> float:
 
 
 def fresh(code: str, *arguments: object, **environment: str) -> Any:
-    """What `code` prints last, as JSON, when a new Python process runs it; RobodynError with its last line of error where it fails."""
+    """What `code` prints last, as JSON, when a new Python process runs it; RobodynError with its last line of error where it fails.
+
+    The process imports this very robodyn, wherever it lies.
+    """
     command = [sys.executable, "-W", "ignore", "-c", code, *map(str, arguments)]
-    done = subprocess.run(command, capture_output=True, text=True, env={**os.environ, **environment}, check=False)
+    path = os.pathsep.join([str(Path(__file__).parents[2]), *filter(None, [os.environ.get("PYTHONPATH")])])
+    settings = {**os.environ, "PYTHONPATH": path, **environment}
+    done = subprocess.run(command, capture_output=True, text=True, env=settings, check=False)
     if done.returncode:
         raise RobodynError((done.stderr.strip().splitlines() or [f"a process of the benchmark ended with {done.returncode}"])[-1])
     return json.loads(done.stdout.strip().splitlines()[-1])
