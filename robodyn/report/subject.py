@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..arithmetic import Array
-from ..errors import MissingPackageError, RobodynError
+from ..errors import InputError, RobodynError
 from ..robot import Robot, load
 from ..scene import EARTH, Scene
 from .timing import Job
@@ -50,7 +50,10 @@ class Subject:
     @cached_property
     def robot(self) -> Robot:
         """The robot."""
-        return load(self.path, **self.options)
+        robot = load(self.path, **self.options)
+        if not robot.nv:
+            raise InputError(f"robot {robot.name!r} has no degree of freedom: there is nothing to measure")
+        return robot
 
     @cached_property
     def scene(self) -> Scene:
@@ -98,8 +101,6 @@ class Subject:
     def _peer(self, name: str, make: Callable[[], Any]) -> Any:
         try:
             return make()
-        except MissingPackageError as error:
-            return str(error)
         except ImportError:
             return f"{name} is not installed: pip install 'robodyn[bench]'"
         except (RobodynError, ValueError) as error:

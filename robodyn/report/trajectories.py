@@ -85,7 +85,7 @@ def dop853(subject: Subject) -> Iterator[Contest]:
         return solve_ivp(rate, (0.0, t_end), x0, method="DOP853", rtol=RTOL, atol=RTOL, t_eval=times).y[:, -1]
 
     errors = {"error": reference.error(_end(ours(reference.t))), "peer_error": reference.error(theirs(reference.t))}
-    around = "pin.aba" if pair.robot.nu == pair.robot.nv else "pin.crba and rnea"
+    around = "pin.crba and rnea" if pair.has_mimic else "pin.aba"
     around += "" if pair.is_identity else ", with maps in Python"
     yield Contest("dop853", work, ours, 1, peer=f"SciPy DOP853 around {around}", theirs=theirs, note=str(reference), **errors)
 

@@ -54,8 +54,8 @@ def test_quick_run_of_everything(command, tmp_path):
     for row in arm["rows"] + chains["rows"]:
         assert row["work"] in out
         assert 0 < row["ours"]["low"] <= row["ours"]["median"] <= row["ours"]["high"]
-    # Each with its errors against 50 digits: ours 50 κ eps; the peer's rotations differ by an ulp of data (see tests/oracles), which
-    # the whole condition number of M̂, 1e5 here, carries into its accelerations. Trajectories of one method have one error.
+    # Each with its errors against 50 digits: ours 50 κ eps; abaInParallel works in world coordinates, where it is the usual condition
+    # number of M̂, up to 1e5 for this arm, that carries rounding into accelerations. Trajectories of one method have one error.
     found = {row["kind"]: row for row in arm["rows"]}
     for kind in ("batch", "reactions", "call"):
         assert found[kind]["error"] < 50 * arm["condition"] * EPS
@@ -85,7 +85,25 @@ def test_only_and_missing_peers(command, monkeypatch):
     assert "batch" not in out
 
 
-def test_wrong_usage(command):
+def test_mimic_and_locked_joints(command):
+    """A hand whose fingers are coupled is measured; what its peers move instead is said, and locking reaches the peers too."""
+    pytest.importorskip("pinocchio")
+    pytest.importorskip("mujoco")
+    found = {row.kind: row for row in rows(Subject(ROBOTS / "panda.urdf", QUICK), ["batch", "call", "rk4", "dop853"])}
+    assert found["batch"].note == "Pinocchio moves mimic joints freely: 9 dof"
+    assert found["call"].peer_error < 1e-12
+    assert "no rigid mimic joint" in found["rk4"].note
+    assert "pin.crba and rnea" in found["dop853"].peer
+    fingers = dict.fromkeys(("panda_finger_joint1", "panda_finger_joint2"), 0.01)
+    locked = list(rows(Subject(ROBOTS / "panda.urdf", QUICK, {"locked": fingers}), ["batch", "rk4"]))
+    for row in locked:
+        assert row.error == pytest.approx(row.peer_error, rel=0.01, abs=1e-11)
+    half = {"panda_finger_joint1": 0.01}
+    (row,) = rows(Subject(ROBOTS / "panda.urdf", QUICK, {"locked": half}), ["batch"])
+    assert "lock it by name too, with --lock panda_finger_joint2=VALUE" in row.note
+
+
+def test_wrong_usage(command, tmp_path):
     for arguments, message in [
         ([], "nothing to measure"),
         ([ARM, "--rounds", 0], "--rounds 0: must be at least 1"),
@@ -96,6 +114,9 @@ def test_wrong_usage(command):
         code, out, err = command(*arguments)
         assert (code, out) == (1, "")
         assert message in err
+    rigid = tmp_path / "rigid.urdf"
+    rigid.write_text('<robot name="stone"><link name="a"/></robot>')
+    assert "'stone' has no degree of freedom" in command(rigid)[2]
     with pytest.raises(rd.InputError, match="no kind of work named nonsense"):
         list(rows(Subject(ARM, QUICK), ["nonsense"]))
 

@@ -46,6 +46,11 @@ class Pair:
         """Whether both libraries use the same coordinates in the same order."""
         return self.model.nq == self.robot.nq and np.array_equal(self.G, np.eye(self.robot.nv))
 
+    @property
+    def has_mimic(self) -> bool:
+        """Whether Pinocchio has joints of its own where the robot's mimic others."""
+        return self.robot.nu > self.robot.nv
+
     def _pin(self, name: str) -> int:
         return self.model.getJointId("root_joint" if name == "ground" else name)
 
@@ -82,7 +87,7 @@ class Pair:
 
     def forward_dynamics(self, q, v, tau):
         """η̇ (nv,): by ABA where every joint owns its coordinate, by M̂ η̇ = τ − h where some mimic."""
-        if self.robot.nu == self.robot.nv:
+        if not self.has_mimic:
             return self.G.T @ pin.aba(self.model, self.data, self.q(q), self.G @ v, self.G @ tau)
         return np.linalg.solve(self.mass_matrix(q), tau - self.inverse_dynamics(q, v, 0 * v))
 
