@@ -9,6 +9,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from statistics import median
 
 from ..errors import InputError
 from .subject import Subject
@@ -24,15 +25,17 @@ def yardstick(subject: Subject, script: str) -> Iterator[Row]:
     """The batch beside the script's batch; a step of RK4, four evaluations, beside one chained evaluation of the script's."""
     robot, (q, v, tau), n, count = subject.robot, subject.states, len(subject.states[0]), 5000
     jobs = {"batch": (lambda: robot.forward_dynamics(q, v, tau, threads=1), n), "chained": (steps_alone(subject, count), count)}
-    found, theirs = {name: [] for name in jobs}, {name: [] for name in jobs}
+    found, theirs, ratios = ({name: [] for name in jobs} for _ in range(3))
     for _ in range(min(RUNS, subject.settings.rounds)):
         text = _printed(script, subject.path)
         for name, (job, units) in jobs.items():
             theirs[name].append(min(float(x) for x in re.findall(WANTED[name], text)) * 1e-9)
-            found[name] += [t / units for t in interleaved([job], subject.settings.rounds)[0]]
+            times = [t / units for t in interleaved([job], subject.settings.rounds)[0]]
+            found[name] += times
+            ratios[name].append(median(times) / theirs[name][-1])
     for name, work in (("batch", f"batch of {n}, beside the yardstick's"), ("chained", "an RK4 step, beside its chained evaluation")):
         ours, stick = Timing.of(found[name]), Timing.of(theirs[name])
-        yield "yardstick", work, ours, stick, f"{ours.median / stick.median:.2f} × the yardstick's time"
+        yield "yardstick", work, ours, stick, f"{median(ratios[name]):.2f} × the yardstick's time, the median of neighbours"
 
 
 def _printed(script: str, path) -> str:

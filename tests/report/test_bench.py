@@ -225,5 +225,13 @@ def test_chains_that_fail_leave_a_remark(monkeypatch):
     assert row.ours is None
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="asks Linux for the peak memory")
+def test_memory_is_the_process_own():
+    """A child's peak is not that of a parent who had more, as Linux's ru_maxrss would have it."""
+    ballast = np.ones(60_000_000)  # 480 MB
+    peak = fresh("from robodyn.report.chains import _most_memory; print(_most_memory())")
+    assert 10e6 < peak < ballast.nbytes
+
+
 def test_every_kind_is_documented():
     assert all(kind.__doc__ for kind in KINDS.values())
