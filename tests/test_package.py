@@ -169,6 +169,8 @@ def test_no_layer_knows_the_ones_above(layer):
         ("lxml", ("urdf",)),
         ("llvmlite", ("engine",)),
         ("matplotlib", ("simulation",)),
+        ("pinocchio", ("report.peers",)),
+        ("mujoco", ("report.peers",)),
     ],
 )
 def test_libraries_stay_where_they_belong(library, users):

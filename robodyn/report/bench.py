@@ -1,131 +1,106 @@
-"""Measuring: contenders take turns, medians are reported, and beside each time stands its error against 50 digits."""
+"""The benchmark: kinds of work, each prepared, compared with 50 digits or a reference, and only then timed."""
 
-import os
-import time
-from collections.abc import Callable
-from dataclasses import dataclass
+import platform
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass
 from typing import Any
 
-import numpy as np
+from ..errors import InputError, RobodynError
+from . import chains as long_chains, dynamics, processes, trajectories
+from .accuracy import condition
+from .subject import Contest, Settings, Subject
+from .timing import Timing, interleaved
+from .yardstick import yardstick
 
-from ..arithmetic import Array
-from ..errors import MissingPackageError
-from ..questions import ForwardDynamics
-from ..robot import Robot
-
-CHECKED = 8  # states whose results are compared with 50 digits before any time is taken
+KINDS: dict[str, Callable[[Subject], Iterator[Any]]] = {
+    "batch": dynamics.batch,
+    "reactions": dynamics.reactions,
+    "call": dynamics.call,
+    "rk4": trajectories.rk4,
+    "dop853": trajectories.dop853,
+    "crowd": trajectories.crowd,
+    "first": processes.first_call,
+    "import": processes.importing,
+    "peak": dynamics.peak,
+}
+Tick = Callable[[str], None]  # called with what is being done, outside of what is timed
 
 
 @dataclass(frozen=True)
 class Row:
-    """One kind of work: seconds per state and worst relative error, of robodyn and of the peer."""
+    """What was measured: seconds per unit of work, and errors."""
 
+    kind: str
     work: str
-    seconds: float
-    peer_seconds: float
-    error: float
-    peer_error: float
+    ours: Timing | None = None
+    peer: str = ""
+    theirs: Timing | None = None
+    error: float | None = None
+    peer_error: float | None = None
+    note: str = ""
 
-    def cells(self) -> tuple[str, ...]:
-        """For a table."""
-        ratio = self.peer_seconds / self.seconds
-        return (
-            self.work,
-            f"{self.seconds * 1e6:.3g}",
-            f"{self.peer_seconds * 1e6:.3g}",
-            f"{ratio:.1f}",
-            f"{self.error:.1e}",
-            f"{self.peer_error:.1e}",
-        )
+    @property
+    def ratio(self) -> float | None:
+        """How many times robodyn's time the peer takes."""
+        return self.theirs.median / self.ours.median if self.ours and self.theirs else None
 
-
-@dataclass(frozen=True)
-class Result:
-    """What was measured on one robot."""
-
-    rows: list[Row]
-    operations: dict[str, int]  # floating-point operations of forward dynamics, by formalism
-    first_call: float  # [s], tracing and compiling included where the cache on disk is empty
-    rate: float  # Gflop/s of the batch kernel, counted operations over measured time
+    def record(self) -> dict[str, Any]:
+        """For JSON."""
+        return {**asdict(self), "ratio": self.ratio}
 
 
-def measure(robot: Robot, path: str | os.PathLike[str], *, batch: int = 4096, rounds: int = 9, seed: int = 0) -> Result:
-    """Forward dynamics and reactions of random states, in batches and one at a time, beside Pinocchio; one thread each."""
-    try:
-        from .pinocchio import Pair, pin
-    except ImportError as error:
-        raise MissingPackageError("the benchmark compares with Pinocchio: pip install 'robodyn[bench]'") from error
-    pair, rng = Pair(robot, path), np.random.default_rng(seed)
-    q = np.stack([robot.random_state(rng)[0] for _ in range(batch)])
-    v, tau = rng.uniform(-2.0, 2.0, (batch, robot.nv)), rng.uniform(-5.0, 5.0, (batch, robot.nv))
-    started = time.perf_counter()
-    robot.forward_dynamics(q[0], v[0], tau[0])
-    first_call = time.perf_counter() - started
-
-    # The same states as Pinocchio wants them: one per column.
-    pin_q = np.asfortranarray(np.stack([pair.q(x) for x in q]).T)
-    pin_v, pin_tau = (np.asfortranarray(pair.G @ x.T) for x in (v, tau))
-    pool, out = pin.ModelPool(pair.model, 1), np.zeros((pair.model.nv, batch), order="F")
-    moving = [joint.name for joint in robot.joints if joint.type.nv]
-
-    def pin_reactions() -> None:
-        for i in range(0, batch, 16):
-            a = pin.aba(pair.model, pair.data, pin_q[:, i], pin_v[:, i], pin_tau[:, i])
-            pin.rnea(pair.model, pair.data, pin_q[:, i], pin_v[:, i], a)
-
-    singles = range(min(batch, 256))
-    states = [(q[i].copy(), v[i].copy(), tau[i].copy()) for i in singles]
-    pin_states = [(pin_q[:, i].copy(), pin_v[:, i].copy(), pin_tau[:, i].copy()) for i in singles]
-    jobs: dict[str, tuple[Callable[[], Any], int]] = {
-        "batch": (lambda: robot.forward_dynamics(q, v, tau, threads=1), batch),
-        "pin batch": (lambda: pin.abaInParallel(1, pool, pin_q, pin_v, pin_tau, out), batch),
-        "reactions": (lambda: robot.reactions(q, v, tau, part="total", joints=moving, threads=1), batch),
-        "pin reactions": (pin_reactions, len(range(0, batch, 16))),
-        "single": (lambda: [robot.forward_dynamics(*state) for state in states], len(states)),
-        "pin single": (lambda: [pin.aba(pair.model, pair.data, *state) for state in pin_states], len(states)),
-    }
-
-    # Results before times.
-    few = slice(0, CHECKED)
-    exact = robot.forward_dynamics(q[few], v[few], tau[few], backend="mpmath")
-    wrenches = robot.reactions(q[few], v[few], tau[few], part="total", joints=moving, backend="mpmath").array
-    errors = {
-        "batch": _error(jobs["batch"][0]()[few], exact),
-        "pin batch": _error(np.stack([pair.forward_dynamics(*s) for s in zip(q[few], v[few], tau[few], strict=True)]), exact),
-        "reactions": _error(jobs["reactions"][0]().array[few], wrenches),
-        "single": _error(np.stack([robot.forward_dynamics(*s) for s in states[few]]), exact),
-    }
-    theirs = []
-    for state in zip(q[few], v[few], tau[few], strict=True):
-        found = pair.joint_wrenches(state[0], state[1], pair.forward_dynamics(*state))
-        theirs.append(np.stack([found[name] for name in moving]))
-    errors["pin reactions"], errors["pin single"] = _error(np.stack(theirs), wrenches), errors["pin batch"]
-
-    seconds = _medians(jobs, rounds)
-    names = {
-        "batch": f"forward dynamics, batch of {batch}",
-        "reactions": "and all moving joints' wrenches",
-        "single": "forward dynamics, one call",
-    }
-    rows = [Row(name, seconds[key], seconds[f"pin {key}"], errors[key], errors[f"pin {key}"]) for key, name in names.items()]
-    flops = robot._on_earth.evaluator.kernel(ForwardDynamics("auto")).program.operations
-    return Result(rows, robot._on_earth.evaluator.operations, first_call, flops / seconds["batch"] / 1e9)
+def rows(subject: Subject, kinds: Sequence[str] = tuple(KINDS), *, script: str | None = None, tick: Tick = lambda _: None) -> Iterator[Row]:
+    """The rows of one robot, each as soon as it is measured. script: the yardstick's."""
+    if unknown := set(kinds) - set(KINDS):
+        raise InputError(f"there is no kind of work named {', '.join(sorted(unknown))}; there are {', '.join(KINDS)}")
+    for kind in kinds:
+        tick(f"{subject.robot.name}: {kind}, preparing and comparing results")
+        for found in KINDS[kind](subject):
+            yield _timed(found, subject, tick) if isinstance(found, Contest) else Row(*found)
+    if script is not None:
+        tick(f"{subject.robot.name}: yardstick")
+        try:
+            for kind, work, ours, theirs, note in yardstick(subject, script):
+                yield Row(kind, work, ours, "yardstick", theirs, note=note)
+        except RobodynError as error:  # it does not know every joint
+            yield Row("yardstick", "beside the yardstick", note=str(error))
 
 
-def _medians(jobs: dict[str, tuple[Callable[[], Any], int]], rounds: int) -> dict[str, float]:
-    """Median seconds per state of each job; all of them in turn in every round, each warmed up by a run that does not count."""
-    times: dict[str, list[float]] = {name: [] for name in jobs}
-    for _ in range(rounds):
-        for name, (job, _) in jobs.items():
-            job()
-            started = time.perf_counter()
-            job()
-            times[name].append(time.perf_counter() - started)
-    return {name: float(np.median(t)) / jobs[name][1] for name, t in times.items()}
+def _timed(contest: Contest, subject: Subject, tick: Tick) -> Row:
+    """The contenders, taking turns."""
+    jobs = [contest.ours] if contest.theirs is None else [contest.ours, contest.theirs]
+    rounds = subject.settings.rounds
+    times = interleaved(jobs, rounds, lambda i: tick(f"{subject.robot.name}: {contest.kind}, round {i + 1} of {rounds}"))
+    both = [Timing.of(t, units) for t, units in zip(times, (contest.units, contest.peer_units), strict=False)]
+    theirs = both[1] if len(both) > 1 else None
+    return Row(contest.kind, contest.work, both[0], contest.peer, theirs, contest.error, contest.peer_error, contest.note)
 
 
-def _error(found: Array, exact: Array) -> float:
-    """The largest error of any state, relative to the largest entry of that state's result."""
-    exact = exact.reshape(len(exact), -1)
-    errors = abs(found.reshape(len(exact), -1) - exact).max(-1) / abs(exact).max(-1)
-    return float(errors.max())
+def chain_rows(counts: Sequence[int], settings: Settings, tick: Tick = lambda _: None) -> Iterator[Row]:
+    """A row per chain of n joints, seconds per joint; its remark has the memory and the first call."""
+    for n in counts:
+        tick(f"chain of {n} joints")
+        for _, found in long_chains.chains([n], settings.rounds):
+            work = f"chain of {n} joints, per joint"
+            if isinstance(found, str):
+                yield Row("chain", work, note=found)
+                continue
+            memory = f"{found['memory'] / 2**20:.0f} MB, " if found["memory"] else ""
+            note = f"{memory}first call {found['first_call']:.2f} s" + (f", κ {found['condition']:.0e}" if "condition" in found else "")
+            theirs = Timing(**found["theirs"]) if "theirs" in found else None
+            measured = Timing(**found["ours"]), found.get("peer", ""), theirs, found["error"], found.get("peer_error")
+            yield Row("chain", work, *measured, note)
+
+
+def facts(subject: Subject) -> dict[str, Any]:
+    """What belongs above a robot's rows: size, operations per route, the condition of the checked states."""
+    q = subject.few[0]
+    kappa = max(condition(subject.robot, x, a) for x, a in zip(q, subject.exact, strict=True))
+    return {"name": subject.robot.name, "nv": subject.robot.nv, "operations": subject.scene.evaluator.operations, "condition": kappa}
+
+
+def machine() -> dict[str, Any]:
+    """Where this was measured."""
+    from ..engine.compile import cpu, lanes
+
+    return {"cpu": cpu()[0], "lanes": lanes(), "system": platform.platform(), "python": platform.python_version()}

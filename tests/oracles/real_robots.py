@@ -5,7 +5,7 @@ import warnings
 from pathlib import Path
 
 import robodyn as rd
-from robodyn.report.pinocchio import Pair
+from robodyn.report.peers.pinocchio import Pair
 
 DATA = Path(sysconfig.get_paths()["purelib"]) / "cmeel.prefix/share/example-robot-data/robots"
 
@@ -30,9 +30,13 @@ ROBOTS = {
 }
 
 
-def pair(name: str, *, floating_base: bool) -> Pair:
-    """A robot in both libraries. What real files contain is reported by warnings, and tested elsewhere."""
+def load(name: str, *, floating_base: bool = False) -> rd.Robot:
+    """A robot. What real files contain is reported by warnings, and tested elsewhere."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", rd.RobodynWarning)
-        robot = rd.load(DATA / ROBOTS[name], floating_base=floating_base)
-    return Pair(robot, DATA / ROBOTS[name])
+        return rd.load(DATA / ROBOTS[name], floating_base=floating_base)
+
+
+def pair(name: str, *, floating_base: bool) -> Pair:
+    """A robot in both libraries."""
+    return Pair(load(name, floating_base=floating_base), DATA / ROBOTS[name])

@@ -13,7 +13,7 @@ from real_robots import DATA, ROBOTS  # noqa: E402
 from tools import EPS, ROUTES, condition, error  # noqa: E402
 
 import robodyn as rd  # noqa: E402
-from robodyn.report.pinocchio import swap  # noqa: E402
+from robodyn.report.peers.pinocchio import swap  # noqa: E402
 
 # Both sides round: paths are up to 12 joints deep (24 roundings of a product of rotations each), Pinocchio's rotations
 # come from the file by other formulas than ours (1 ulp of data), and κ carries that into accelerations.

@@ -1,0 +1,115 @@
+"""Forward dynamics and reactions of random states, in batches and one at a time, beside Pinocchio; one thread each."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from ..engine.peak import fused_multiply_adds
+from ..questions import ForwardDynamics
+from .accuracy import error
+from .subject import Contest, Subject
+
+THINNED = 16  # a Python loop of Pinocchio takes every so many states of the batch: the time per state is the same
+SINGLES = 256
+
+
+def batch(subject: Subject) -> Iterator[Contest]:
+    """The user's C-ordered arrays in one call, beside Pinocchio's abaInParallel with one thread on arrays of its own order."""
+    robot, (q, v, tau), n = subject.robot, subject.states, len(subject.states[0])
+
+    def ours() -> Any:
+        return robot.forward_dynamics(q, v, tau, threads=1)
+
+    theirs: dict[str, Any] = {"note": subject.pinocchio}
+    if not isinstance(pair := subject.pinocchio, str):
+        pin, name = _pinocchio()
+        pool, out = pin.ModelPool(pair.model, 1), np.zeros((pair.model.nv, n), order="F")
+        arrays = [np.asfortranarray(x) for x in (np.stack([pair.q(x) for x in q]).T, pair.G @ v.T, pair.G @ tau.T)]
+
+        def aba() -> Any:
+            pin.abaInParallel(1, pool, *arrays, out)
+
+        aba()
+        found = None if pair.has_mimic else error((pair.G.T @ out[:, : len(subject.exact)]).T, subject.exact)
+        theirs = {"peer": f"{name} abaInParallel", "theirs": aba, "peer_units": n, "peer_error": found, "note": _remark(pair)}
+    yield Contest("batch", f"forward dynamics, batch of {n}", ours, n, error=error(ours()[: len(subject.exact)], subject.exact), **theirs)
+
+
+def reactions(subject: Subject) -> Iterator[Contest]:
+    """The same, and the whole wrench through every moving joint, beside a loop of pin.aba and pin.rnea."""
+    robot, (q, v, tau), few, n = subject.robot, subject.states, subject.few, len(subject.states[0])
+    moving = [joint.name for joint in robot.joints if joint.type.nv]
+    exact = robot.reactions(*few, part="total", joints=moving, backend="mpmath").array
+
+    def ours() -> Any:
+        return robot.reactions(q, v, tau, part="total", joints=moving, threads=1)
+
+    theirs: dict[str, Any] = {"note": subject.pinocchio}
+    if not isinstance(pair := subject.pinocchio, str):
+        pin, name = _pinocchio()
+        model, data = pair.model, pair.data
+        states = [(pair.q(q[i]), pair.G @ v[i], pair.G @ tau[i]) for i in range(0, n, THINNED)]
+
+        def loop() -> None:
+            for state in states:
+                a = pin.aba(model, data, *state)
+                pin.rnea(model, data, state[0], state[1], a)
+
+        found = [pair.joint_wrenches(q, v, pair.forward_dynamics(q, v, tau)) for q, v, tau in zip(*few, strict=True)]
+        wrenches = np.array([[wrench[joint] for joint in moving] for wrench in found])
+        theirs = {"peer": f"{name} loop of aba + rnea", "theirs": loop, "peer_units": len(states), "peer_error": error(wrenches, exact)}
+        theirs["note"] = _remark(pair)
+    ours_error = error(ours().array[: len(exact)], exact)
+    yield Contest("reactions", "… and every moving joint's wrench", ours, n, error=ours_error, **theirs)
+
+
+def call(subject: Subject) -> Iterator[Contest]:
+    """One forward_dynamics(q, v, tau) from Python, beside one pin.aba(model, data, q, v, tau)."""
+    states = [tuple(x.copy() for x in state) for state in zip(*(x[:SINGLES] for x in subject.states), strict=True)]
+    forward_dynamics = subject.robot.forward_dynamics
+    forward_dynamics(*states[0])
+    forward_dynamics = subject.robot.forward_dynamics  # answered by a built-in function from the second call on
+
+    def ours() -> Any:
+        return [forward_dynamics(q, v, tau) for q, v, tau in states]
+
+    theirs: dict[str, Any] = {"note": subject.pinocchio}
+    if not isinstance(pair := subject.pinocchio, str):
+        pin, name = _pinocchio()
+        aba, model, data = pin.aba, pair.model, pair.data
+        there = [(pair.q(q), pair.G @ v, pair.G @ tau) for q, v, tau in states]
+
+        def loop() -> Any:
+            return [aba(model, data, q, v, tau) for q, v, tau in there]
+
+        answers = np.stack([pair.forward_dynamics(*state) for state in zip(*subject.few, strict=True)])
+        theirs = {"peer": f"{name} aba", "theirs": loop, "peer_units": len(there), "peer_error": error(answers, subject.exact)}
+        theirs["note"] = _remark(pair)
+    found = np.array(ours()[: len(subject.exact)])
+    yield Contest("call", "forward dynamics, one call from Python", ours, len(states), error=error(found, subject.exact), **theirs)
+
+
+def peak(subject: Subject) -> Iterator[Contest]:
+    """The batch beside as many operations in fused multiply-adds that wait for nothing: the ratio is the share of the peak rate."""
+    robot, (q, v, tau), n = subject.robot, subject.states, len(subject.states[0])
+    operations = subject.scene.evaluator.kernel(ForwardDynamics("auto")).program.operations * n
+    function, per_turn = fused_multiply_adds()
+    turns = max(1, round(operations / per_turn))
+
+    def ours() -> Any:
+        return robot.forward_dynamics(q, v, tau, threads=1)
+
+    work = f"the batch's {operations // n} operations per state"
+    units = {"units": n, "peer_units": n * turns * per_turn / operations}
+    yield Contest("peak", work, ours, peer="bare multiply-adds", theirs=lambda: function(turns), **units)
+
+
+def _pinocchio() -> tuple[Any, str]:
+    from .peers.pinocchio import NAME, pin
+
+    return pin, NAME
+
+
+def _remark(pair: Any) -> str:
+    return f"Pinocchio moves mimic joints freely: {pair.model.nv} dof" if pair.has_mimic else ""
