@@ -97,6 +97,9 @@ class LoopedTree(Tree):
     def gathered(self, parts: Field) -> Array:
         return self.recorder.gathered(parts, "v", self.nv)
 
+    def coordinates(self, parts: Field) -> Array:
+        return self.recorder.gathered(parts, "q", self.nq)
+
     def rows(self, parts: Field, bodies: Sequence[int], size: int) -> Array:
         return self.recorder.gathered(parts, self._column(size), size * len(self.bodies)).reshape(-1, size)[list(bodies)]
 
@@ -141,17 +144,15 @@ def _kinds(bodies: Sequence[Body]) -> list[_Kind]:
     groups: dict[Any, dict[Any, list[int]]] = {}
     for i, body in enumerate(bodies):
         constants, own = _constants(body), len(_joint_constants(body))
-        # Zeros and ones fold away when traced; a joint that looks at its constants keeps them all.
-        pattern = [x if abs(x) in (0.0, 1.0) else None for x in constants]
-        joint = (type(body.joint), tuple(pattern[:own] if body.joint.traceable else constants[:own]))
+        pattern = [x if abs(x) in (0.0, 1.0) else None for x in constants]  # zeros and ones fold away when traced
+        joint = (type(body.joint), tuple(pattern[:own]))
         groups.setdefault(joint, {}).setdefault(tuple(pattern[own:]), []).append(i)
     kinds = []
-    for (_, joint), patterns in groups.items():
+    for patterns in groups.values():
         members = [list(x) for x in patterns.values()] if len(patterns) <= KINDS else [[i for x in patterns.values() for i in x]]
         for ids in members:
             table = np.array([_constants(bodies[i]) for i in ids])
             free = (table != table[0]).any(0) | ~np.isin(abs(table[0]), (0.0, 1.0))
-            free[: len(joint)] &= bodies[ids[0]].joint.traceable
             kinds.append(_Kind(bodies[ids[0]], ids, free))
     return kinds
 

@@ -26,10 +26,10 @@ BY_LANE = ("exp", "log", "tanh")
 class Part:
     """A program as functions over slots: what a module that calls it needs to know."""
 
-    def __init__(self, program: Program, t: Type, name: str, slots: dict[Any, int] | None = None, free: int = 0) -> None:
+    def __init__(self, program: Program, t: Type, name: str, slots: dict[Any, int] | None = None, free: int = 0, size: int = PIECE) -> None:
         """slots: where inputs and outputs are, if not in slots of its own; from `free` on there is room for more."""
         self.program, self.name, self.guards = program, name, program.guards
-        self._pieces = _pieces(program)
+        self._pieces = _pieces(program, size)
         self.slots, self.size = _slots(program, self._pieces, slots or _own_slots(program), free)
         self._t = t
 
@@ -82,10 +82,10 @@ def module(program: "Program | Looped", lanes: int) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _pieces(program: Program) -> list[range]:
-    """The instructions, cut into runs of at most PIECE."""
+def _pieces(program: Program, size: int) -> list[range]:
+    """The instructions, cut into runs of at most `size`."""
     n = len(program.instructions)
-    count = max(1, -(-n // PIECE))
+    count = max(1, -(-n // size))
     ends = [n * k // count for k in range(count + 1)]
     return [range(a, b) for a, b in pairwise(ends)]
 

@@ -14,6 +14,7 @@ from .program import Program
 from .sweeps import FIXED_COLUMNS, Fill, Loop, Looped, Straight
 
 OWN, UP, PARAM, KIND = range(len(FIXED_COLUMNS))
+STRAIGHT = 400  # instructions in one function between loops: they read and write memory all over, which costs LLVM more than linear time
 TRUSTED = ("trusted",)  # the slot of 1, or of −1 where a check failed
 
 
@@ -24,7 +25,7 @@ class LoopedPart:
         self.program, self.name, self._t = program, name, t
         self.guards = (TRUSTED,)
         self._straight = {
-            n: Part(item.program, t, f"{name}{n}.", item.slots, program.size + 1)
+            n: Part(item.program, t, f"{name}{n}.", item.slots, program.size + 1, STRAIGHT)
             for n, item in enumerate(program.items)
             if isinstance(item, Straight)
         }

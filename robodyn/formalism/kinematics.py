@@ -95,26 +95,17 @@ def falling_ground(gravity: Array) -> Array:
 
 def rate(tree: Tree, q: Array, v: Array) -> Array:
     """β̇ = H(β) η (..., nq), eq. (5)."""
-    owners = [body for body in _owners(tree) if body.joint.nq]
-    if not any(body.joint.rated for body in owners):
+    if not tree.rated:
         return v
-    return joined(*(body.joint.rate(q[..., body.q], v[..., body.v]) for body in owners))
+    return tree.coordinates(tree.each(lambda body, beta, eta: body.joint.rate(beta, eta), tree.split(q, "q"), tree.split(v, "v")))
 
 
 def side_conditions(tree: Tree, q: Array) -> list[tuple[Body, Array]]:
     """φ(β) (...) of each joint that has one, eq. (6)."""
-    found = ((body, body.joint.side_condition(q[..., body.q])) for body in _owners(tree))
-    return [(body, phi) for body, phi in found if phi is not None]
+    phi = tree.each(lambda body, beta: body.joint.side_condition(beta), tree.split(q, "q")) if tree.rated else []
+    return [(tree.bodies[i], phi[i]) for i in tree.rated]
 
 
 def project(tree: Tree, q: Array) -> Array:
     """q (..., nq) with every Euler-parameter quadruple back at unit length."""
-    if not any(body.joint.rated for body in tree.bodies):
-        return q
-    return joined(*(body.joint.project(q[..., body.q]) for body in _owners(tree) if body.joint.nq))
-
-
-def _owners(tree: Tree) -> list[Body]:
-    """The first body of each coordinate, in the order of q: mimic joints repeat their leader's."""
-    first = {body.q.start: body for body in reversed(tree.bodies) if body.joint.nq}
-    return [first[start] for start in sorted(first)]
+    return tree.coordinates(tree.each(lambda body, beta: body.joint.project(beta), tree.split(q, "q"))) if tree.rated else q

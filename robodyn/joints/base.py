@@ -23,7 +23,6 @@ class JointType(ABC):
     velocities: ClassVar[tuple[tuple[str, str], ...]]  # name and unit of each entry of η
     bounded: ClassVar[bool] = False  # <limit lower upper> means something
     rated: ClassVar[bool] = False  # β̇ ≠ η: the rate needs H(β)
-    traceable: ClassVar[bool] = True  # its functions take symbols for its constants: they do not branch on them
 
     @property
     def nq(self) -> int:

@@ -1,11 +1,12 @@
 """Planar joint: two translations in a plane and the rotation about its normal."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
 from ..algebra import cross, rotation, transpose
-from ..arithmetic import Array, cos, sin, unit, zeros
+from ..arithmetic import Array, cos, exact, sin, unit, zeros
 from .base import AxisJoint
 
 
@@ -20,14 +21,21 @@ class Planar(AxisJoint):
     kind = "planar"
     coordinates = (("x", "m"), ("y", "m"), ("theta", "rad"))
     velocities = (("x", "m/s"), ("y", "m/s"), ("theta", "rad/s"))
-    traceable = False  # the plane's axes depend on the normal's largest component
+
+    first: Array | None = None  # u (3,), found from the normal where it is not given
+
+    def __post_init__(self) -> None:
+        if self.first is None:
+            u = np.eye(3)[(int(np.argmax(abs(self.axis))) + 1) % 3]
+            object.__setattr__(self, "first", unit(u - self.axis * (self.axis * u).sum()))
+
+    def exact(self) -> Self:
+        return replace(self, axis=unit(exact(self.axis)), first=None)
 
     def plane(self) -> Array:
         """(3, 2): the plane's two axes, as columns."""
-        n = self.axis
-        u = np.eye(3)[(int(np.argmax(abs(n))) + 1) % 3]
-        u = unit(u - n * (n * u).sum())
-        return np.stack([u, cross(n, u)], axis=-1)
+        u = np.asarray(self.first)
+        return np.stack([u, cross(self.axis, u)], axis=-1)
 
     def random(self, rng: np.random.Generator) -> Array:
         return np.append(rng.uniform(-1.0, 1.0, 2), rng.uniform(-np.pi, np.pi))

@@ -102,6 +102,14 @@ class Tree:
                 columns[c] = x if columns[c] is None else columns[c] + x
         return stacked(columns)
 
+    def coordinates(self, parts: Field) -> Array:
+        """The vector (..., nq) of one array (..., nq_i) per body; where bodies share coordinates (mimic), the first one's."""
+        columns: list[Any] = [None] * self.nq
+        for body, part in zip(self.bodies, parts, strict=True):
+            for k in range(body.joint.nq):
+                columns[body.q.start + k] = part[..., k] if columns[body.q.start + k] is None else columns[body.q.start + k]
+        return stacked(columns)
+
     def rows(self, parts: Field, bodies: Sequence[int], size: int) -> Array:
         """The arrays (..., size) of these bodies as rows (..., n, size)."""
         rows = [np.zeros((0, size)), *(parts[i][..., None, :] for i in bodies)]
@@ -115,6 +123,11 @@ class Tree:
         """Whether several joints share a coordinate."""
         columns = [body.v.start for body in self.bodies if body.joint.nv]
         return len(set(columns)) < len(columns)
+
+    @cached_property
+    def rated(self) -> tuple[int, ...]:
+        """Bodies on joints with β̇ ≠ η: those with Euler parameters."""
+        return tuple(i for i, body in enumerate(self.bodies) if body.joint.rated)
 
     @cached_property
     def pivot_scales(self) -> Array:
