@@ -8,14 +8,16 @@ where a program is cut into functions of a few thousand operations to keep LLVM'
 from collections.abc import Iterator
 from itertools import pairwise
 
-from .functions import Type, by_lane, declarations, sincos
+from . import elementary
+from .functions import LIBRARY, Type, by_lane, declarations, sincos
 from .graph import LEAVES
 from .program import Program
 
 PIECE = 2500  # operations in one function: LLVM's time grows faster than linearly beyond
 BINARY = {"add": "fadd", "sub": "fsub", "mul": "fmul", "div": "fdiv"}
-INTRINSIC = {"sqrt": "sqrt", "abs": "fabs", "min": "minnum", "max": "maxnum"}
-BY_LANE = ("exp", "log", "tanh")
+INTRINSIC = {"sqrt": "sqrt", "abs": "fabs", "min": "minimum", "max": "maximum"}
+# Conditions: i1 in a function; in a slot 1 or 0.
+CONDITION = {"lt": "fcmp olt", "le": "fcmp ole", "eq": "fcmp oeq", "and": "and", "or": "or", "not": "xor"}
 
 
 class Part:
@@ -43,9 +45,10 @@ def prologue(t: Type, *programs: Program) -> Iterator[str]:
     used = {op for program in programs for op, *_ in program.instructions}
     yield from declarations(t)
     yield from sincos(t)
-    for name in BY_LANE:
-        if name in used:
-            yield from by_lane(t, name)
+    for name in sorted(used & LIBRARY.keys()):
+        yield from by_lane(t, name)
+    for name in sorted(used & elementary.FUNCTIONS.keys()):
+        yield from elementary.definition(t, name)
     yield '!0 = !{!"branch_weights", i32 1, i32 100000}'
 
 
@@ -108,6 +111,9 @@ def _piece(program: Program, t: Type, name: str, piece: range, slots: dict[objec
             lines.append(f"  %p{j} = getelementptr {F}, ptr %slots, i64 {slot}")
             lines.append(f"  %v{j} = load {F}, ptr %p{j}")
             names[j] = f"%v{j}"
+            if op in CONDITION:
+                lines.append(f"  %b{j} = fcmp one {F} %v{j}, {t.constant(0.0)}")
+                names[j] = f"%b{j}"
         return names[j]
 
     for i in piece:
@@ -135,8 +141,13 @@ def _piece(program: Program, t: Type, name: str, piece: range, slots: dict[objec
             lines.append(f"  %v{i} = extractvalue {{{F}, {F}}} {trig[args[0]]}, {int(op == 'cos')}")
         elif op in INTRINSIC:
             lines.append(f"  %v{i} = call {F} @llvm.{INTRINSIC[op]}.{t.name}({', '.join(f'{F} {x}' for x in xs)})")
+        elif op in CONDITION:
+            kind = F if CONDITION[op].startswith("fcmp") else t.bool
+            lines.append(f"  %v{i} = {CONDITION[op]} {kind} {xs[0]}, {xs[1] if len(xs) > 1 else t.splat('i1', 'true')}")
+        elif op == "select":
+            lines.append(f"  %v{i} = select {t.bool} {xs[0]}, {F} {xs[1]}, {F} {xs[2]}")
         else:
-            lines.append(f"  %v{i} = call {F} @{op}.lanes({F} {xs[0]})")
+            lines.append(f"  %v{i} = call {F} @{op}.lanes({', '.join(f'{F} {x}' for x in xs)})")
         names[i] = f"%v{i}"
 
     # What is needed later. Inputs and constants that are outputs are stored by the first piece.
@@ -145,6 +156,9 @@ def _piece(program: Program, t: Type, name: str, piece: range, slots: dict[objec
     for i, slot in stores:
         if i in piece if program.instructions[i][0] not in LEAVES else piece.start == 0:
             value = operand(i)
+            if program.instructions[i][0] in CONDITION:
+                lines.append(f"  %f{slot} = select {t.bool} {value}, {F} {t.constant(1.0)}, {F} {t.constant(0.0)}")
+                value = f"%f{slot}"
             lines.append(f"  %q{slot} = getelementptr {F}, ptr %slots, i64 {slot}")
             lines.append(f"  store {F} {value}, ptr %q{slot}")
     yield f"define internal void @{name}(ptr noalias %slots) {'alwaysinline' if inline else 'noinline'} nounwind {{"
