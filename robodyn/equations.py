@@ -85,7 +85,7 @@ class Equations:
         for load in self.loads:
             for link, wrench in load.link_wrenches(state).items():
                 if (body := self.tree.link_body[link]) >= 0:  # what is fixed to the ground does not feel it
-                    on_body = wrench_to_parent(state.placement(link), wrench)
+                    on_body = wrench_to_parent(state.placement(link), np.asarray(wrench))
                     found[body] = found[body] + on_body if body in found else on_body
         return found
 

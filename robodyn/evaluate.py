@@ -10,11 +10,12 @@ from functools import cached_property
 from importlib.util import find_spec
 
 import numpy as np
+from numpy.typing import DTypeLike
 
 from . import inputs
 from .arithmetic import Array, precision
 from .engine.graph import Graph
-from .engine.kernel import Kernel
+from .engine.kernel import DOUBLE, Kernel
 from .engine.program import Program, program
 from .equations import SADDLES, SWEEPS, Views
 from .errors import InputError, ModelError
@@ -37,7 +38,7 @@ class Evaluator:
         self.robot = robot
         # Kernels are traced on the float64 equations: their constants are float64.
         self._views = {backend: Views(robot, gravity, loads, backend) for backend in ("numpy", "mpmath")}
-        self._kernels: dict[Question, Kernel] = {}
+        self._kernels: dict[tuple[Question, np.dtype], Kernel] = {}
         self._lock = threading.Lock()
 
     def views(self, backend: str = "numpy") -> Views:
@@ -45,25 +46,42 @@ class Evaluator:
         return self._views["mpmath" if backend == "mpmath" else "numpy"]
 
     def ask(
-        self, question: Question, backend: str = DEFAULT, *, t: Array | float = _NOW, threads: int | None = None, **arrays: object
+        self,
+        question: Question,
+        backend: str = DEFAULT,
+        *,
+        t: Array | float = _NOW,
+        threads: int | None = None,
+        dtype: DTypeLike = np.float64,
+        **arrays: object,
     ) -> dict[str, Array]:
         """The arrays of the answer, with the leading dimensions that the given arrays have together; None stands for zeros."""
         inputs.choice("backend", backend, BACKENDS)
+        precise = inputs.precision(dtype, backend)
         if threads is not None and (not isinstance(threads, int) or threads < 1):
             raise InputError(f"threads={threads!r} must be a whole number of at least 1, or None for all cores")
         # The saddle-point routes are oracles: they choose pivots, which no kernel can.
-        if backend == "native" and getattr(question, "formalism", "") not in SADDLES:
-            answer = self._natively(question, t, threads, arrays)
+        natively = backend == "native" and getattr(question, "formalism", "") not in SADDLES
+        if natively:
+            answer = self._natively(question, t, threads, precise, arrays)
             if answer is not None:
                 return answer
         # The readable reference; and what names the cause where a kernel found that something is wrong.
-        return self._directly(question, "mpmath" if backend == "mpmath" else "numpy", t, arrays)
+        answer = self._directly(question, "mpmath" if backend == "mpmath" else "numpy", t, arrays, precise)
+        if natively and precise == np.float32:
+            raise ModelError(
+                f"float32 cannot hold what the answer for robot {self.robot.name!r} takes: a number on the way is too large, or a pivot is "
+                "lost in rounding. Leave dtype out: float64 can"
+            )
+        return answer
 
-    def _natively(self, question: Question, t: Array | float, threads: int | None, arrays: Mapping[str, object]) -> dict[str, Array] | None:
+    def _natively(
+        self, question: Question, t: Array | float, threads: int | None, dtype: np.dtype, arrays: Mapping[str, object]
+    ) -> dict[str, Array] | None:
         """The kernel's answer; None where it is not to be trusted."""
         batch, quick = inputs.quick(self.robot, arrays)
         try:
-            kernel = self.kernel(question)
+            kernel = self.kernel(question, dtype)
         except ZeroDivisionError:  # a pivot is zero whatever the state
             return None
         values, bad = kernel(batch, {**quick, "t": _ZERO if t is _NOW else np.asarray(t, dtype=float)[..., None]}, threads)
@@ -72,9 +90,14 @@ class Evaluator:
         shapes = question.shapes(self.robot)
         return {name: x.reshape(batch + shapes[name]) for name, x in values.items()}
 
-    def _directly(self, question: Question, backend: str, t: Array | float, arrays: Mapping[str, object]) -> dict[str, Array]:
+    def _directly(
+        self, question: Question, backend: str, t: Array | float, arrays: Mapping[str, object], dtype: np.dtype = DOUBLE
+    ) -> dict[str, Array]:
+        """The formalism's own answer: for float32, on arrays rounded to it, computed in float64 and rounded at the end."""
         views = self.views(backend)
         checked = inputs.checked(self.robot, arrays, objects=backend == "mpmath")
+        if dtype != DOUBLE:
+            checked = {name: inputs.rounded(name, x, dtype) for name, x in checked.items()}
         if "q" in checked and question.admissible:
             inputs.unit_quaternions(self.views().lumped.side_conditions(checked["q"]))
         if backend == "mpmath":
@@ -89,23 +112,25 @@ class Evaluator:
                 if getattr(question, "formalism", "") in SADDLES:  # does not know which joint it is; the minimal form does
                     self._directly(replace(question, formalism="nonrecursive"), backend, t, arrays)  # type: ignore[call-arg]
                 raise ModelError(f"the equations of robot {self.robot.name!r} are singular at this state") from None
+            values = answer.values if dtype == DOUBLE else {name: np.asarray(x).astype(dtype) for name, x in answer.values.items()}
         if answer.solution is not None:
-            refuse_undetermined(self.robot, self.views().lumped.tree, answer.solution)
-        refuse_infinite(answer.values)
+            refuse_undetermined(self.robot, self.views().lumped.tree, answer.solution, float(np.finfo(dtype).eps))
+        refuse_infinite(values)
         batch, shapes = next(iter(checked.values())).shape[:-1], question.shapes(self.robot)
-        return {name: np.array(np.broadcast_to(x, batch + shapes[name])) for name, x in answer.values.items()}
+        return {name: np.array(np.broadcast_to(x, batch + shapes[name])) for name, x in values.items()}
 
     # --- kernels ---
 
-    def kernel(self, question: Question) -> Kernel:
-        """The question's kernel; traced at first use."""
-        if question not in self._kernels:
+    def kernel(self, question: Question, dtype: np.dtype = DOUBLE) -> Kernel:
+        """The question's kernel in float64 or float32; traced at first use."""
+        key = question, dtype
+        if key not in self._kernels:
             with self._lock:
-                if question not in self._kernels:
+                if key not in self._kernels:
                     if hasattr(question, "formalism"):
                         refuse_impossible(self.robot, self.views().lumped.tree)
-                    self._kernels[question] = Kernel(self._traced(self._decided(question)))
-        return self._kernels[question]
+                    self._kernels[key] = Kernel(self._traced(self._decided(question), dtype), dtype)
+        return self._kernels[key]
 
     def _decided(self, question: Question) -> Question:
         """The question with "auto" replaced by the formalism of the fewest operations."""
@@ -123,7 +148,7 @@ class Evaluator:
         """The formalism of the fewest operations for this scene."""
         return min(self.operations, key=lambda route: self.operations[route])
 
-    def _traced(self, question: Question) -> Program:
+    def _traced(self, question: Question, dtype: np.dtype = DOUBLE) -> Program:
         """The question, asked of symbols."""
         graph = Graph()
         sizes = {name: inputs.size(self.robot, name) for name in question.needs} | {"t": 1}
@@ -131,7 +156,7 @@ class Evaluator:
         t = arrays.pop("t")[0]
         with np.errstate(all="ignore"):  # a constant pivot of zero becomes a guard that fails
             answer = question.answer(self.views(), t, **arrays)
-        guards = guards_of(self.robot, self.views(), answer, arrays.get("q") if question.admissible else None)
+        guards = guards_of(self.robot, self.views(), answer, arrays.get("q") if question.admissible else None, dtype)
         values = {name: np.asarray(x) for name, x in answer.values.items()}
         return program(graph, sizes, values, guards)
 
@@ -163,12 +188,12 @@ class Evaluator:
         return program(graph, {"x": len(x)}, {"x": np.concatenate([equations.project(x[:nq]), x[nq:]])})
 
 
-def guards_of(robot: Mechanism, views: Views, answer: Answer, q: Array | None) -> list[object]:
+def guards_of(robot: Mechanism, views: Views, answer: Answer, q: Array | None, dtype: np.dtype = DOUBLE) -> list[object]:
     """What must be positive for an answer to be trusted: pivots above rounding, quaternions near unit length."""
     guards: list[object] = []
     if q is not None:
         guards += [inputs.UNIT_TOLERANCE - abs(phi) for _, phi in views.lumped.side_conditions(q)]
     if answer.solution is not None:
-        scales = margin(robot.nv) * views.lumped.tree.pivot_scales
+        scales = margin(robot.nv, float(np.finfo(dtype).eps)) * views.lumped.tree.pivot_scales
         guards += [pivot - scale for pivot, scale in zip(answer.solution.pivots, scales, strict=True)]
     return [guard[()] if isinstance(guard, np.ndarray) else guard for guard in guards]

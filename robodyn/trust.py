@@ -12,9 +12,9 @@ from .model import Mechanism, Tree
 EPS = np.finfo(float).eps
 
 
-def margin(nv: int) -> float:
+def margin(nv: int, eps: float = EPS) -> float:
     """The share of its scale that a pivot must exceed: it is left over from nv eliminations of some dozens of roundings each."""
-    return 64 * (nv + 1) * EPS
+    return 64 * (nv + 1) * eps
 
 
 def refuse_impossible(mechanism: Mechanism, tree: Tree) -> None:
@@ -48,10 +48,10 @@ def refuse_massless(mechanism: Mechanism, tree: Tree) -> None:
         )
 
 
-def refuse_undetermined(mechanism: Mechanism, tree: Tree, solution: Solution) -> None:
+def refuse_undetermined(mechanism: Mechanism, tree: Tree, solution: Solution, eps: float = EPS) -> None:
     """ModelError where a freedom showed no inertia, or an acceleration is not finite; it names the joint and the state."""
     pivots, scales = solution.pivots.astype(float), tree.pivot_scales
-    lost = ~((pivots > margin(mechanism.nv) * scales) & np.isfinite(pivots))
+    lost = ~((pivots > margin(mechanism.nv, eps) * scales) & np.isfinite(pivots))
     if lost.any():
         refuse_massless(mechanism, tree)
         # Of the first state with one, the freedom eliminated first: what comes after it is spoilt by it.
@@ -63,6 +63,7 @@ def refuse_undetermined(mechanism: Mechanism, tree: Tree, solution: Solution) ->
         raise ModelError(
             f"joint {_joint(mechanism, index[-1])!r} of {mechanism.name!r} has no inertia to accelerate{_at(index[:-1])}: "
             f"its pivot is {pivots[index]:.3g}, of up to {scales[index[-1]]:.3g}. Give the links beyond it mass off its axis, or lock it"
+            + ("; or leave dtype out, as float64 may resolve it" if eps > EPS else "")
         )
     bad = np.argwhere(~np.isfinite(solution.vdot.astype(float)))
     if len(bad):

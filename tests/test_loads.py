@@ -481,6 +481,38 @@ def test_a_control_law_is_of_float64():
 
 
 @dataclass(frozen=True, eq=False)
+class EndStop(Load):
+    """A one-sided spring in a joint, and a drag on a link that grows with the square of its speed, up to a limit."""
+
+    joint: str
+    link: str
+
+    def joint_forces(self, state):
+        i = state.mechanism.joint_index(self.joint)
+        beta = state.position(i)
+        return {i: np.where(beta > 0.1, -40.0 * (beta - 0.1) ** 1.5, 0.0 * beta)}
+
+    def link_wrenches(self, state):
+        i = state.mechanism.link_index(self.link)
+        v, height = state.twist(i)[..., 3:], state.pose(i).r[..., 2:]
+        drag = -np.minimum(np.linalg.norm(v, axis=-1, keepdims=True), 2.0) * v * np.where(height < 0.5, 1.0, 0.5)
+        return {i: np.concatenate([0.0 * v, drag], axis=-1)}
+
+
+def test_a_load_in_plain_numpy_runs_in_every_arithmetic():
+    robot = rd.load(ROBOTS / "ur5e.urdf")
+    scene, rng = rd.Scene(robot, loads=[EndStop("elbow_joint", "tool0")]), np.random.default_rng(3)
+    for sign in (1, -1):
+        q, v = robot.random_state(rng)
+        q[2] = sign * abs(q[2])
+        exact = scene.forward_dynamics(q, v, backend="mpmath")
+        for backend in ("native", "numpy"):
+            found = scene.forward_dynamics(q, v, backend=backend)
+            assert type(found) is np.ndarray
+            assert error(found, exact) < C * condition(robot, q) * EPS
+
+
+@dataclass(frozen=True, eq=False)
 class Gust(Load):
     """A force on a link that grows with time."""
 

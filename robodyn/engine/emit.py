@@ -1,7 +1,7 @@
 """LLVM IR of a program: the same instructions once for scalars and once for SIMD vectors, one state per lane.
 
 The text is written directly: a program is straight-line code, and building it through objects would take longer than LLVM does.
-A block of states lives in `slots`, an array with one (vector of) double per value that crosses a border: inputs, outputs, and,
+A block of states lives in `slots`, an array with one (vector of) number per value that crosses a border: inputs, outputs, and,
 where a program is cut into functions of a few thousand operations to keep LLVM's time linear, values that a later one needs.
 """
 
@@ -52,13 +52,13 @@ def prologue(t: Type, *programs: Program) -> Iterator[str]:
     yield '!0 = !{!"branch_weights", i32 1, i32 100000}'
 
 
-def module(program: Program, lanes: int) -> str:
+def module(program: Program, lanes: int, scalar: str = "double") -> str:
     """IR text with `i64 @run(ptr in…, i64 stride…, ptr out…, i64 count)`, for a count of 0, or of at least `lanes`.
 
-    in: one pointer per input, to rows of doubles, `stride` doubles apart (0: one row for all); out: rows without gaps. Returns the
-    first row of the first block in which an input, output or guard is not finite or a guard not positive, or −1.
+    in: one pointer per input, to rows of scalars ("double" or "float"), `stride` of them apart (0: one row for all); out: rows without
+    gaps. Returns the first row of the first block in which an input, output or guard is not finite or a guard not positive, or −1.
     """
-    t = Type(lanes)
+    t = Type(lanes, scalar)
     part = Part(program, t, "piece")
     lines = [*prologue(t, program), *part.functions(), *_run(part, t)]
     if lanes > 1:
@@ -174,7 +174,7 @@ def _run(part: Part, t: Type) -> Iterator[str]:
     arguments += [f"ptr noalias %out{k}" for k in range(len(program.outputs))]
     yield f"define i64 @run({', '.join(arguments)}, i64 %count) nounwind {{"
     yield "entry:"
-    yield f"  %slots = alloca {F}, i64 {len(slots)}, align {8 * L}"
+    yield f"  %slots = alloca {F}, i64 {len(slots)}, align {t.bytes * L}"
     yield f"  %last = sub i64 %count, {L}"
     for k in range(len(program.inputs)):
         for i in range(1, L):
@@ -188,9 +188,9 @@ def _run(part: Part, t: Type) -> Iterator[str]:
     finite = t.constant(0.0)
     for k, (name, size) in enumerate(program.inputs.items()):
         yield f"  %o{k} = mul i64 %first, %stride{k}"
-        yield f"  %i{k}_0 = getelementptr double, ptr %in{k}, i64 %o{k}"
+        yield f"  %i{k}_0 = getelementptr {t.scalar}, ptr %in{k}, i64 %o{k}"
         for i in range(1, L):
-            yield f"  %i{k}_{i} = getelementptr double, ptr %i{k}_0, i64 %far{k}_{i}"
+            yield f"  %i{k}_{i} = getelementptr {t.scalar}, ptr %i{k}_0, i64 %far{k}_{i}"
         columns, text = _columns(t, f"i{k}", [f"%i{k}_{i}" for i in range(L)], size)
         yield from text
         for j, value in enumerate(columns):
@@ -213,9 +213,9 @@ def _run(part: Part, t: Type) -> Iterator[str]:
         ok = f"%ga{n}" if ok is not None else f"%gc{n}"
     for k, (name, values) in enumerate(program.outputs.items()):
         yield f"  %u{k} = mul i64 %first, {len(values)}"
-        yield f"  %w{k}_0 = getelementptr double, ptr %out{k}, i64 %u{k}"
+        yield f"  %w{k}_0 = getelementptr {t.scalar}, ptr %out{k}, i64 %u{k}"
         for i in range(1, L):
-            yield f"  %w{k}_{i} = getelementptr double, ptr %w{k}_0, i64 {i * len(values)}"
+            yield f"  %w{k}_{i} = getelementptr {t.scalar}, ptr %w{k}_0, i64 {i * len(values)}"
         columns = []
         for j in range(len(values)):
             yield f"  %op{k}_{j} = getelementptr {F}, ptr %slots, i64 {slots['out', name, j]}"
@@ -252,20 +252,20 @@ def _columns(t: Type, name: str, rows: list[str], size: int) -> tuple[list[str],
     F, L, columns, lines = t.float, t.lanes, [], []
     if L == 1:
         for j in range(size):
-            lines.append(f"  %{name}a{j} = getelementptr double, ptr {rows[0]}, i64 {j}")
-            lines.append(f"  %{name}c{j} = load double, ptr %{name}a{j}, align 8")
+            lines.append(f"  %{name}a{j} = getelementptr {t.scalar}, ptr {rows[0]}, i64 {j}")
+            lines.append(f"  %{name}c{j} = load {t.scalar}, ptr %{name}a{j}, align {t.bytes}")
             columns.append(f"%{name}c{j}")
         return columns, lines
     for start in range(0, size, L):
         width = min(L, size - start)
         loaded = []
         for i, row in enumerate(rows):
-            lines.append(f"  %{name}a{start}_{i} = getelementptr double, ptr {row}, i64 {start}")
+            lines.append(f"  %{name}a{start}_{i} = getelementptr {t.scalar}, ptr {row}, i64 {start}")
             value = f"%{name}l{start}_{i}"
             if width == L:
-                lines.append(f"  {value} = load {F}, ptr %{name}a{start}_{i}, align 8")
+                lines.append(f"  {value} = load {F}, ptr %{name}a{start}_{i}, align {t.bytes}")
             else:
-                arguments = f"ptr %{name}a{start}_{i}, i32 8, {t.bool} {_mask(L, width)}, {F} zeroinitializer"
+                arguments = f"ptr %{name}a{start}_{i}, i32 {t.bytes}, {t.bool} {_mask(L, width)}, {F} zeroinitializer"
                 lines.append(f"  {value} = call {F} @llvm.masked.load.{t.name}.p0({arguments})")
             loaded.append(value)
         transposed, text = _transposed(t, f"{name}t{start}", loaded)
@@ -279,8 +279,8 @@ def _rows(t: Type, name: str, rows: list[str], columns: list[str]) -> Iterator[s
     F, L = t.float, t.lanes
     if L == 1:
         for j, value in enumerate(columns):
-            yield f"  %{name}a{j} = getelementptr double, ptr {rows[0]}, i64 {j}"
-            yield f"  store double {value}, ptr %{name}a{j}, align 8"
+            yield f"  %{name}a{j} = getelementptr {t.scalar}, ptr {rows[0]}, i64 {j}"
+            yield f"  store {t.scalar} {value}, ptr %{name}a{j}, align {t.bytes}"
         return
     for start in range(0, len(columns), L):
         group = columns[start : start + L]
@@ -288,11 +288,11 @@ def _rows(t: Type, name: str, rows: list[str], columns: list[str]) -> Iterator[s
         transposed, text = _transposed(t, f"{name}t{start}", padded)
         yield from text
         for i, (row, value) in enumerate(zip(rows, transposed, strict=True)):
-            yield f"  %{name}a{start}_{i} = getelementptr double, ptr {row}, i64 {start}"
+            yield f"  %{name}a{start}_{i} = getelementptr {t.scalar}, ptr {row}, i64 {start}"
             if len(group) == L:
-                yield f"  store {F} {value}, ptr %{name}a{start}_{i}, align 8"
+                yield f"  store {F} {value}, ptr %{name}a{start}_{i}, align {t.bytes}"
             else:
-                arguments = f"{F} {value}, ptr %{name}a{start}_{i}, i32 8, {t.bool} {_mask(L, len(group))}"
+                arguments = f"{F} {value}, ptr %{name}a{start}_{i}, i32 {t.bytes}, {t.bool} {_mask(L, len(group))}"
                 yield f"  call void @llvm.masked.store.{t.name}.p0({arguments})"
 
 
