@@ -89,4 +89,5 @@ def refuse_infinite(values: Mapping[str, Array]) -> None:
         bad = np.argwhere(~np.isfinite(np.asarray(x).astype(float)))
         if len(bad):
             index = tuple(int(i) for i in bad[0])
-            raise ModelError(f"the result{_at(index)} is not finite: displacements, velocities or forces are too large for float64")
+            kind = "float32" if np.asarray(x).dtype == np.float32 else "float64"
+            raise ModelError(f"the result{_at(index)} is not finite: displacements, velocities or forces are too large for {kind}")

@@ -198,6 +198,28 @@ def test_what_float32_cannot_hold_is_refused(backend, tmp_path):
         robot.forward_dynamics(*state, **options)
 
 
+def test_an_overflow_on_the_way_is_no_answer(tmp_path):
+    """10⁸ kg at 10¹⁶ rad/s: forces of 10⁴⁰ N are beyond float32, the acceleration is not. The kernel says so; the reference has room."""
+    (tmp_path / "heavy.urdf").write_text(NEEDLE.replace("1e-9", "1e7").replace('value="1"', 'value="1e8"').replace("0.1", "1e7"))
+    robot = robot_of(tmp_path / "heavy.urdf")
+    state = np.array([0.3, 0.4]), np.array([1e16, 1e16])
+    assert np.isfinite(robot.forward_dynamics(*state, backend="numpy", dtype=np.float32)).all()
+    with pytest.raises(rd.ModelError, match=r"float32 cannot hold.*too large"):
+        robot.forward_dynamics(*state, dtype=np.float32)
+
+
+def test_a_plain_call_before_changes_nothing():
+    """A robot answers plain calls by a built-in function; dtype= goes past it."""
+    c = case(3, n=3)
+    first = c.robot.forward_dynamics(c.q, c.v, c.tau)
+    found = c.robot.forward_dynamics(c.q, c.v, c.tau, dtype=np.float32)
+    assert found.dtype == np.float32
+    again = c.robot.forward_dynamics(c.q, c.v, c.tau)
+    assert again.dtype == np.float64
+    assert np.array_equal(first, again)
+    assert c.robot.forward_dynamics(*single(c.q, c.v, c.tau)).dtype == np.float64
+
+
 @pytest.mark.parametrize("dtype", [np.float16, np.int32, np.complex64, object, None, "single digits", ">f4", np.longdouble])
 def test_other_dtypes_are_refused(dtype):
     c = case(3, n=3)
