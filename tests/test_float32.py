@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from oracles.real_robots import DATA, ROBOTS
 from tools import case, condition, error
 
 import robodyn as rd
@@ -128,6 +127,9 @@ def test_robots_of_the_repository(path):
 
 @pytest.mark.parametrize("name", ["ur5", "panda", "talos_reduced"])
 def test_real_robots(name):
+    pytest.importorskip("pinocchio", reason="comes with example-robot-data: pip install '.[test]'")
+    from oracles.real_robots import DATA, ROBOTS
+
     check(robot_of(DATA / ROBOTS[name]))
 
 
