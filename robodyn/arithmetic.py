@@ -5,6 +5,7 @@ The formalism is written once, on NumPy arrays. Their elements may be float64 (t
 have dtype object. These few functions are all that has to know the difference.
 """
 
+import operator
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from typing import Any
@@ -33,26 +34,91 @@ def precision(backend: str) -> AbstractContextManager[object]:
     return mpmath().workdps(DIGITS) if backend == "mpmath" else nullcontext()
 
 
-def _elementwise(name: str) -> Callable[[Any], Any]:
-    def one(x: Any) -> Any:
-        method = getattr(x, name, None)
-        return method() if callable(method) else getattr(mpmath(), name)(x)
+_MPMATH_NAMES = {"arcsin": "asin", "arccos": "acos", "arctan": "atan", "arctan2": "atan2"}
 
-    on_objects = np.frompyfunc(one, 1, 1)
+# By the names of NumPy's ufuncs: what does the same to objects, mpmath numbers and traced ones alike.
+ON_OBJECTS: dict[str, np.ufunc] = {}
 
-    def function(x: Any) -> Any:
-        x = np.asarray(x)
-        return on_objects(x) if x.dtype == object else getattr(np, name)(x)
+
+def _elementwise(name: str, on_numbers: Callable[..., Any] | None = None, *, arguments: int = 1) -> Callable[..., Any]:
+    """A function of arrays: NumPy's on floats, a method of this name on what has one, `on_numbers` (or mpmath's) on other objects."""
+    on_numbers = on_numbers or (lambda *xs: getattr(mpmath(), _MPMATH_NAMES.get(name, name))(*xs))
+
+    def one(*xs: Any) -> Any:
+        method = getattr(xs[0], name, None)
+        if callable(method):
+            return method(*xs[1:])
+        # A symbol may stand second; it knows how to lift a number.
+        for x in xs[1:]:
+            if (lift := getattr(getattr(x, "graph", None), "lift", None)) is not None:
+                return one(lift(xs[0]), *xs[1:])
+        return on_numbers(*xs)
+
+    return _of_arrays(name, one, arguments)
+
+
+def _of_arrays(name: str, one: Callable[..., Any], arguments: int, **identity: Any) -> Callable[..., Any]:
+    on_objects = ON_OBJECTS[name] = np.frompyfunc(one, arguments, 1, **identity)
+
+    def function(*xs: Any) -> Any:
+        arrays = [np.asarray(x) for x in xs]
+        return (on_objects if any(x.dtype == object for x in arrays) else getattr(np, name))(*arrays)
 
     function.__name__ = name
-    function.__doc__ = f"Elementwise {name} of an array of any arithmetic."
+    function.__doc__ = f"np.{name} of arrays of any arithmetic."
     return function
 
 
 sin = _elementwise("sin")
 cos = _elementwise("cos")
+tan = _elementwise("tan")
+arcsin = _elementwise("arcsin")
+arccos = _elementwise("arccos")
+arctan = _elementwise("arctan")
+arctan2 = _elementwise("arctan2", arguments=2)
 sqrt = _elementwise("sqrt")
+exp = _elementwise("exp")
+log = _elementwise("log")
+expm1 = _elementwise("expm1")
+log1p = _elementwise("log1p")
+sinh = _elementwise("sinh")
+cosh = _elementwise("cosh")
 tanh = _elementwise("tanh")
+power = _of_arrays("power", operator.pow, 2)
+sign = _elementwise("sign")
+minimum = _elementwise("minimum", lambda x, y: x if x != x or x < y else y, arguments=2)
+maximum = _elementwise("maximum", lambda x, y: x if x != x or x > y else y, arguments=2)
+
+# Conditions: bool arrays, or objects that have no truth value before a kernel runs. `x > 0` itself is not for arrays of symbols, whose
+# truth NumPy would ask for.
+less = _of_arrays("less", operator.lt, 2)
+less_equal = _of_arrays("less_equal", operator.le, 2)
+greater = _of_arrays("greater", operator.gt, 2)
+greater_equal = _of_arrays("greater_equal", operator.ge, 2)
+equal = _of_arrays("equal", operator.eq, 2)
+not_equal = _of_arrays("not_equal", operator.ne, 2)
+logical_and = _of_arrays("logical_and", operator.and_, 2, identity=True)
+logical_or = _of_arrays("logical_or", operator.or_, 2, identity=False)
+logical_not = _of_arrays("logical_not", lambda c: ~c if hasattr(c, "select") else not c, 1)
+ON_OBJECTS |= {"bitwise_and": ON_OBJECTS["logical_and"], "bitwise_or": ON_OBJECTS["logical_or"], "invert": ON_OBJECTS["logical_not"]}
+ON_OBJECTS["clip"] = np.frompyfunc(lambda x, low, high: ON_OBJECTS["minimum"](ON_OBJECTS["maximum"](x, low), high), 3, 1)
+_where = np.frompyfunc(lambda c, a, b: c.select(a, b) if hasattr(c, "select") else a if c else b, 3, 1)
+
+
+def where(condition: Any, a: Any, b: Any) -> Any:
+    """np.where of arrays of any arithmetic: a where the condition holds, b elsewhere. Both are computed."""
+    arrays = [np.asarray(x) for x in (condition, a, b)]
+    return (_where if any(x.dtype == object for x in arrays) else np.where)(*arrays)
+
+
+def clip(x: Any, low: Any, high: Any) -> Any:
+    """np.clip of arrays of any arithmetic: min(max(x, low), high)."""
+    return minimum(maximum(x, low), high)
+
+
+def known(x: Any) -> Any:
+    """A number as it is; None for a symbol whose value is not known yet."""
+    return getattr(x, "constant", x)
 
 
 def zeros(shape: tuple[int, ...], dtype: np.dtype) -> Array:

@@ -21,9 +21,9 @@ from .formalism.reactions import joint_wrenches, reactions
 from .formalism.recursive import recursive
 from .formalism.saddle import saddle_body, saddle_joint
 from .formalism.solution import Solution
-from .formalism.spatial import wrench_to_parent
+from .formalism.spatial import Pose, wrench_to_parent
 from .loads import Load, State
-from .model import Mechanism, Tree, lump
+from .model import Body, Mechanism, Tree, lump
 
 SWEEPS = {"nonrecursive": nonrecursive, "recursive": recursive}
 SADDLES = {"saddle_joint": saddle_joint, "saddle_body": saddle_body}
@@ -85,7 +85,7 @@ class Equations:
         for load in self.loads:
             for link, wrench in load.link_wrenches(state).items():
                 if (body := self.tree.link_body[link]) >= 0:  # what is fixed to the ground does not feel it
-                    on_body = wrench_to_parent(state.placement(link), wrench)
+                    on_body = wrench_to_parent(state.placement(link), np.asarray(wrench))
                     found[body] = found[body] + on_body if body in found else on_body
         return found
 
@@ -175,9 +175,13 @@ class Equations:
 
     def link_poses(self, q: Array) -> Array:
         """The pose (..., nlinks, 4, 4) of every link's frame in the ground's; `self.tree` must be open at each joint."""
-        tree, world = self.tree, kinematics.world_poses(self.tree, kinematics.poses(self.tree, q))
-        matrices = tree.each(lambda _, X: homogeneous(*X).reshape(*X.R.shape[:-2], 16), world)
-        poses = tree.rows(matrices, tree.link_body, 16)
+        tree = self.tree
+
+        def entries(_: Body, X: Pose) -> Array:
+            T = homogeneous(*X)
+            return T.reshape(*T.shape[:-2], 16)
+
+        poses = tree.rows(tree.each(entries, kinematics.world_poses(tree, kinematics.poses(tree, q))), tree.link_body, 16)
         return poses.reshape(*poses.shape[:-1], 4, 4)
 
 

@@ -10,11 +10,12 @@ from functools import cached_property
 from importlib.util import find_spec
 
 import numpy as np
+from numpy.typing import DTypeLike
 
 from . import inputs
 from .arithmetic import Array, precision
 from .engine.graph import Graph
-from .engine.kernel import Kernel
+from .engine.kernel import DOUBLE, Kernel
 from .engine.program import Program, program
 from .engine.sweeps import Looped, Recorder
 from .equations import SADDLES, SWEEPS, Views
@@ -40,7 +41,7 @@ class Evaluator:
         self.robot = robot
         # Kernels are traced on the float64 equations: their constants are float64.
         self._views = {backend: Views(robot, gravity, loads, backend) for backend in ("numpy", "mpmath")}
-        self._kernels: dict[Question, Kernel] = {}
+        self._kernels: dict[tuple[Question, np.dtype], Kernel] = {}
         self._lock = threading.Lock()
 
     def views(self, backend: str = "numpy") -> Views:
@@ -48,27 +49,44 @@ class Evaluator:
         return self._views["mpmath" if backend == "mpmath" else "numpy"]
 
     def ask(
-        self, question: Question, backend: str = DEFAULT, *, t: Array | float = _NOW, threads: int | None = None, **arrays: object
+        self,
+        question: Question,
+        backend: str = DEFAULT,
+        *,
+        t: Array | float = _NOW,
+        threads: int | None = None,
+        dtype: DTypeLike = np.float64,
+        **arrays: object,
     ) -> dict[str, Array]:
         """The arrays of the answer, with the leading dimensions that the given arrays have together; None stands for zeros."""
         inputs.choice("backend", backend, BACKENDS)
+        precise = inputs.precision(dtype, backend)
         if threads is not None and (not isinstance(threads, int) or threads < 1):
             raise InputError(f"threads={threads!r} must be a whole number of at least 1, or None for all cores")
         # The saddle-point routes are oracles: they choose pivots, which no kernel can.
         if backend == "native" and isinstance(question, MassMatrix) and self.loops:
-            return {"M": self._mass_matrix(threads=threads, **arrays)}
-        if backend == "native" and getattr(question, "formalism", "") not in SADDLES:
-            answer = self._natively(question, t, threads, arrays)
+            return {"M": self._mass_matrix(threads=threads, dtype=precise, **arrays)}
+        natively = backend == "native" and getattr(question, "formalism", "") not in SADDLES
+        if natively:
+            answer = self._natively(question, t, threads, precise, arrays)
             if answer is not None:
                 return answer
         # The readable reference; and what names the cause where a kernel found that something is wrong.
-        return self._directly(question, "mpmath" if backend == "mpmath" else "numpy", t, arrays)
+        answer = self._directly(question, "mpmath" if backend == "mpmath" else "numpy", t, arrays, precise)
+        if natively and precise == np.float32:
+            raise ModelError(
+                f"float32 cannot hold what the answer for robot {self.robot.name!r} takes: a number on the way is too large, or a pivot is "
+                "lost in rounding. Leave dtype out: float64 can"
+            )
+        return answer
 
-    def _natively(self, question: Question, t: Array | float, threads: int | None, arrays: Mapping[str, object]) -> dict[str, Array] | None:
+    def _natively(
+        self, question: Question, t: Array | float, threads: int | None, dtype: np.dtype, arrays: Mapping[str, object]
+    ) -> dict[str, Array] | None:
         """The kernel's answer; None where it is not to be trusted."""
         batch, quick = inputs.quick(self.robot, arrays)
         try:
-            kernel = self.kernel(question)
+            kernel = self.kernel(question, dtype)
         except ZeroDivisionError:  # a pivot is zero whatever the state
             return None
         values, bad = kernel(batch, {**quick, "t": _ZERO if t is _NOW else np.asarray(t, dtype=float)[..., None]}, threads)
@@ -81,15 +99,20 @@ class Evaluator:
     def _at_rest(self) -> "Evaluator":
         return Evaluator(self.robot, np.zeros(3), ())
 
-    def _mass_matrix(self, q: object, threads: int | None) -> Array:
+    def _mass_matrix(self, q: object, threads: int | None, dtype: np.dtype) -> Array:
         """M̂ (..., nv, nv) of a robot of many bodies: what unit accelerations take at rest, without gravity and loads."""
-        x = inputs.array("q", q, self.robot.nq, f"nq of {self.robot.name!r}")
-        M = self._at_rest.ask(InverseDynamics(), q=x[..., None, :], v=None, a=np.eye(self.robot.nv), threads=threads)["tau"]
+        x, units = inputs.array("q", q, self.robot.nq, f"nq of {self.robot.name!r}"), np.eye(self.robot.nv)
+        M = self._at_rest.ask(InverseDynamics(), q=x[..., None, :], v=None, a=units, threads=threads, dtype=dtype)["tau"]
         return np.triu(M) + np.swapaxes(np.triu(M, 1), -1, -2)
 
-    def _directly(self, question: Question, backend: str, t: Array | float, arrays: Mapping[str, object]) -> dict[str, Array]:
+    def _directly(
+        self, question: Question, backend: str, t: Array | float, arrays: Mapping[str, object], dtype: np.dtype = DOUBLE
+    ) -> dict[str, Array]:
+        """The formalism's own answer: for float32, on arrays rounded to it, computed in float64 and rounded at the end."""
         views = self.views(backend)
         checked = inputs.checked(self.robot, arrays, objects=backend == "mpmath")
+        if dtype != DOUBLE:
+            checked = {name: inputs.rounded(name, x, dtype) for name, x in checked.items()}
         if "q" in checked and question.admissible:
             inputs.unit_quaternions(self.views().lumped.side_conditions(checked["q"]))
         if backend == "mpmath":
@@ -104,23 +127,25 @@ class Evaluator:
                 if getattr(question, "formalism", "") in SADDLES:  # does not know which joint it is; the minimal form does
                     self._directly(replace(question, formalism="nonrecursive"), backend, t, arrays)  # type: ignore[call-arg]
                 raise ModelError(f"the equations of robot {self.robot.name!r} are singular at this state") from None
+            values = answer.values if dtype == DOUBLE else {name: np.asarray(x).astype(dtype) for name, x in answer.values.items()}
         if answer.solution is not None:
-            refuse_undetermined(self.robot, self.views().lumped.tree, answer.solution)
-        refuse_infinite(answer.values)
+            refuse_undetermined(self.robot, self.views().lumped.tree, answer.solution, float(np.finfo(dtype).eps))
+        refuse_infinite(values)
         batch, shapes = next(iter(checked.values())).shape[:-1], question.shapes(self.robot)
-        return {name: np.array(np.broadcast_to(x, batch + shapes[name])) for name, x in answer.values.items()}
+        return {name: np.array(np.broadcast_to(x, batch + shapes[name])) for name, x in values.items()}
 
     # --- kernels ---
 
-    def kernel(self, question: Question) -> Kernel:
-        """The question's kernel; traced at first use."""
-        if question not in self._kernels:
+    def kernel(self, question: Question, dtype: np.dtype = DOUBLE) -> Kernel:
+        """The question's kernel in float64 or float32; traced at first use."""
+        key = question, dtype
+        if key not in self._kernels:
             with self._lock:
-                if question not in self._kernels:
+                if key not in self._kernels:
                     if hasattr(question, "formalism"):
                         refuse_impossible(self.robot, self.views().lumped.tree)
-                    self._kernels[question] = Kernel(self._traced(self._decided(question)))
-        return self._kernels[question]
+                    self._kernels[key] = Kernel(self._traced(self._decided(question), dtype), dtype)
+        return self._kernels[key]
 
     def _decided(self, question: Question) -> Question:
         """The question with "auto" replaced by the formalism of the fewest operations."""
@@ -147,7 +172,7 @@ class Evaluator:
         tree = self.views().lumped.tree
         return len(tree.bodies) > UNROLLED and not tree.has_mimic
 
-    def _traced(self, question: Question) -> Program | Looped:
+    def _traced(self, question: Question, dtype: np.dtype = DOUBLE) -> Program | Looped:
         """The question, asked of symbols."""
         looped = self.loops and getattr(question, "formalism", "recursive") == "recursive"
         graph = Recorder() if looped else Graph()
@@ -157,7 +182,7 @@ class Evaluator:
         t = arrays.pop("t")[0]
         with np.errstate(all="ignore"):  # a constant pivot of zero becomes a guard that fails
             answer = question.answer(views, t, **arrays)
-        guards = guards_of(self.robot, views, answer, arrays.get("q") if question.admissible else None)
+        guards = guards_of(self.robot, views, answer, arrays.get("q") if question.admissible else None, dtype)
         values = {name: np.asarray(x) for name, x in answer.values.items()}
         return finished(graph, sizes, values, guards)
 
@@ -196,12 +221,12 @@ def finished(graph: Graph | Recorder, sizes: Mapping[str, int], outputs: Mapping
     return graph.finish(sizes, outputs, guards) if isinstance(graph, Recorder) else program(graph, sizes, outputs, guards)
 
 
-def guards_of(robot: Mechanism, views: Views, answer: Answer, q: Array | None) -> list[object]:
+def guards_of(robot: Mechanism, views: Views, answer: Answer, q: Array | None, dtype: np.dtype = DOUBLE) -> list[object]:
     """What must be positive for an answer to be trusted: pivots above rounding, quaternions near unit length."""
     guards: list[object] = []
     if q is not None:
         guards += [inputs.UNIT_TOLERANCE - abs(phi) for _, phi in views.lumped.side_conditions(q)]
     if answer.solution is not None:
-        smallest = smallest_pivots(views.lumped.tree, answer.solution)
+        smallest = smallest_pivots(views.lumped.tree, answer.solution, float(np.finfo(dtype).eps))
         guards += [pivot - least for pivot, least in zip(answer.solution.pivots, smallest, strict=True)]
     return [guard[()] if isinstance(guard, np.ndarray) else guard for guard in guards]

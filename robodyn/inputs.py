@@ -18,6 +18,22 @@ def choice(name: str, value: str, choices: Sequence[str]) -> str:
     return value
 
 
+PRECISIONS = (np.dtype(np.float64), np.dtype(np.float32))
+
+
+def precision(dtype: object, backend: str) -> np.dtype:
+    """float64 or float32, as asked for; the 50 digits of mpmath are neither."""
+    try:
+        found = np.dtype(dtype)  # type: ignore[call-overload]
+    except TypeError:
+        found = np.dtype(object)
+    if found not in PRECISIONS or dtype is None:
+        raise InputError(f"dtype={dtype!r} is not one to compute in: choose np.float64 or np.float32")
+    if backend == "mpmath" and found != PRECISIONS[0]:
+        raise InputError("dtype=np.float32 with backend='mpmath': 50 digits do not fit in float32; leave dtype out and round the answer")
+    return found
+
+
 def array(name: str, value: object, size: int, meaning: str, labels: Sequence[str] = (), *, objects: bool = False) -> Array:
     """`value` as a finite array (..., size); `meaning` says what the last dimension is."""
     x = as_array(name, value)
@@ -35,6 +51,17 @@ def array(name: str, value: object, size: int, meaning: str, labels: Sequence[st
         label = f" ({labels[index[-1]]})" if labels else ""
         raise InputError(f"{name}[{', '.join(map(str, index))}]{label} is {x[index]}: every number must be finite")
     return x
+
+
+def rounded(name: str, x: Array, dtype: np.dtype) -> Array:
+    """A finite array (..., n) rounded to a dtype, in float64; InputError where a number is beyond it."""
+    with np.errstate(over="ignore"):
+        y = x.astype(dtype).astype(float)
+    bad = np.argwhere(~np.isfinite(y))
+    if len(bad):
+        index = tuple(int(i) for i in bad[0])
+        raise InputError(f"{name}[{', '.join(map(str, index))}] is {x[index]}: too large for {dtype}; leave dtype out")
+    return y
 
 
 def as_array(name: str, value: object) -> Array:

@@ -41,7 +41,7 @@ class Robot(Mechanism):
     """An immutable robot. Its methods know rigid bodies and gravity alone; a `Scene` adds damping, friction and loads.
 
     Every method takes one state or any number in leading dimensions: q (..., nq), v, tau and a (..., nv), and passes further
-    keywords (formalism, backend, frame, part, …) to the method of the same name of `Scene`, where they are explained.
+    keywords (formalism, backend, dtype, frame, part, …) to the method of the same name of `Scene`, where they are explained.
     """
 
     @classmethod

@@ -5,6 +5,7 @@ from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import DTypeLike
 
 from . import inputs, questions
 from .algebra import frozen
@@ -28,7 +29,9 @@ class Scene:
 
     Every method takes one state or any number in leading dimensions: q (..., nq), v, tau and a (..., nv); and
     backend: "native" (compiled at first use), "numpy" (the readable reference) or "mpmath" (50 digits, slow);
-    threads: how many share a large batch; all cores if not given, 1 for none.
+    threads: how many share a large batch; all cores if not given, 1 for none; and
+    dtype: np.float64, or np.float32 for kernels with twice the lanes and answers in float32. Arrays of other types are converted. Angles,
+    positions and pivots then carry 7 digits; backend="numpy" rounds the arrays and its float64 answer to float32.
     Raises InputError for an argument of the wrong shape or value, ModelError where the motion is undetermined.
     """
 
@@ -80,7 +83,16 @@ class Scene:
     # --- how it moves ---
 
     def forward_dynamics(
-        self, q, v, tau=None, *, t: float = 0.0, formalism: str = "auto", backend: str = DEFAULT, threads: int | None = None
+        self,
+        q,
+        v,
+        tau=None,
+        *,
+        t: float = 0.0,
+        formalism: str = "auto",
+        backend: str = DEFAULT,
+        threads: int | None = None,
+        dtype: DTypeLike = np.float64,
     ) -> Array:
         """η̇ (..., nv) [rad/s², m/s²] under the joint forces tau (..., nv) [N m, N], none if not given, and the loads at time t [s].
 
@@ -88,21 +100,27 @@ class Scene:
         the one with the fewest operations. The saddle-point routes are oracles and always run on NumPy.
         """
         question = questions.ForwardDynamics(inputs.choice("formalism", formalism, FORMALISMS))
-        return self.evaluator.ask(question, backend, t=inputs.number("t", t), threads=threads, q=q, v=v, tau=tau)["vdot"]
+        return self.evaluator.ask(question, backend, t=inputs.number("t", t), threads=threads, dtype=dtype, q=q, v=v, tau=tau)["vdot"]
 
     # --- what it takes and carries ---
 
-    def inverse_dynamics(self, q, v, a, *, t: float = 0.0, backend: str = DEFAULT, threads: int | None = None) -> Array:
+    def inverse_dynamics(
+        self, q, v, a, *, t: float = 0.0, backend: str = DEFAULT, threads: int | None = None, dtype: DTypeLike = np.float64
+    ) -> Array:
         """tau (..., nv) [N m, N] that the joints must supply, beside the loads, for the acceleration a (..., nv)."""
-        return self.evaluator.ask(questions.InverseDynamics(), backend, t=inputs.number("t", t), threads=threads, q=q, v=v, a=a)["tau"]
+        return self.evaluator.ask(
+            questions.InverseDynamics(), backend, t=inputs.number("t", t), threads=threads, dtype=dtype, q=q, v=v, a=a
+        )["tau"]
 
-    def bias_forces(self, q, v, *, t: float = 0.0, backend: str = DEFAULT, threads: int | None = None) -> Array:
+    def bias_forces(
+        self, q, v, *, t: float = 0.0, backend: str = DEFAULT, threads: int | None = None, dtype: DTypeLike = np.float64
+    ) -> Array:
         """−k̂ᶜ − k̂ᵗ (..., nv): `inverse_dynamics` at a = 0; gravity, Coriolis and centrifugal forces, loads."""
-        return self.inverse_dynamics(q, v, None, t=t, backend=backend, threads=threads)
+        return self.inverse_dynamics(q, v, None, t=t, backend=backend, threads=threads, dtype=dtype)
 
-    def mass_matrix(self, q, *, backend: str = DEFAULT, threads: int | None = None) -> Array:
+    def mass_matrix(self, q, *, backend: str = DEFAULT, threads: int | None = None, dtype: DTypeLike = np.float64) -> Array:
         """M̂ = JᵀMJ (..., nv, nv)."""
-        return self.evaluator.ask(questions.MassMatrix(), backend, threads=threads, q=q)["M"]
+        return self.evaluator.ask(questions.MassMatrix(), backend, threads=threads, dtype=dtype, q=q)["M"]
 
     def reactions(
         self,
@@ -117,6 +135,7 @@ class Scene:
         formalism: str = "auto",
         backend: str = DEFAULT,
         threads: int | None = None,
+        dtype: DTypeLike = np.float64,
     ) -> Reactions:
         """The wrench [M, F] (..., 6) [N m, N] on each joint's child link, from its parent, about the joint's origin.
 
@@ -127,7 +146,9 @@ class Scene:
         indices = self._joints(joints)
         options = inputs.choice("frame", frame, FRAMES), inputs.choice("part", part, PARTS), indices
         question = questions.JointReactions(inputs.choice("formalism", formalism, FORMALISMS), *options)
-        wrenches = self.evaluator.ask(question, backend, t=inputs.number("t", t), threads=threads, q=q, v=v, tau=tau)["wrenches"]
+        wrenches = self.evaluator.ask(question, backend, t=inputs.number("t", t), threads=threads, dtype=dtype, q=q, v=v, tau=tau)[
+            "wrenches"
+        ]
         return Reactions(tuple(self.robot.all_joint_names[i] for i in indices), wrenches, frame, part)
 
     def reactions_of(
@@ -146,18 +167,22 @@ class Scene:
 
     # --- energies, places ---
 
-    def kinetic_energy(self, q, v, *, backend: str = DEFAULT, threads: int | None = None) -> Array:
+    def kinetic_energy(self, q, v, *, backend: str = DEFAULT, threads: int | None = None, dtype: DTypeLike = np.float64) -> Array:
         """½ v̌ᵀ M v̌ (...) [J]."""
-        return self.evaluator.ask(questions.Energies(), backend, threads=threads, q=q, v=v)["kinetic"][()]
+        return self.evaluator.ask(questions.Energies(), backend, threads=threads, dtype=dtype, q=q, v=v)["kinetic"][()]
 
-    def potential_energy(self, q, *, t: float = 0.0, backend: str = DEFAULT, threads: int | None = None) -> Array:
+    def potential_energy(
+        self, q, *, t: float = 0.0, backend: str = DEFAULT, threads: int | None = None, dtype: DTypeLike = np.float64
+    ) -> Array:
         """Potential energy (...) [J] of gravity, zero with the centre of mass in the ground's origin, and of springs."""
-        return self.evaluator.ask(questions.Energies(), backend, t=inputs.number("t", t), threads=threads, q=q, v=None)["potential"][()]
+        return self.evaluator.ask(questions.Energies(), backend, t=inputs.number("t", t), threads=threads, dtype=dtype, q=q, v=None)[
+            "potential"
+        ][()]
 
-    def momentum(self, q, v, *, backend: str = DEFAULT, threads: int | None = None) -> Array:
+    def momentum(self, q, v, *, backend: str = DEFAULT, threads: int | None = None, dtype: DTypeLike = np.float64) -> Array:
         """Angular momentum about the ground's origin [N m s] and linear momentum [N s] (..., 6), in the ground's frame."""
-        return self.evaluator.ask(questions.Momentum(), backend, threads=threads, q=q, v=v)["momentum"]
+        return self.evaluator.ask(questions.Momentum(), backend, threads=threads, dtype=dtype, q=q, v=v)["momentum"]
 
-    def link_poses(self, q, *, backend: str = DEFAULT, threads: int | None = None) -> Array:
+    def link_poses(self, q, *, backend: str = DEFAULT, threads: int | None = None, dtype: DTypeLike = np.float64) -> Array:
         """The pose (..., nlinks, 4, 4) of every link's frame in the ground's, in the order of `robot.link_names`."""
-        return self.evaluator.ask(questions.LinkPoses(), backend, threads=threads, q=q)["poses"]
+        return self.evaluator.ask(questions.LinkPoses(), backend, threads=threads, dtype=dtype, q=q)["poses"]

@@ -15,7 +15,7 @@ EPS = np.finfo(float).eps
 FEW = 60  # freedoms up to which the bound of the inertia that a joint can have to move, in any position, is a useful scale
 
 
-def smallest_pivots(tree: Tree, solution: Solution) -> Array:
+def smallest_pivots(tree: Tree, solution: Solution, eps: float = EPS) -> Array:
     """What each pivot (nv,) must exceed: it is left over from eliminations of some dozens of roundings each.
 
     For few freedoms, a share of what it can have to move in any position, after nv eliminations. In a chain of thousands that bound
@@ -23,8 +23,8 @@ def smallest_pivots(tree: Tree, solution: Solution) -> Array:
     further away have passed through the freedoms between.
     """
     if tree.nv <= FEW or solution.moved is None:
-        return 64 * (tree.nv + 1) * EPS * tree.pivot_scales
-    return 1024 * EPS * solution.moved
+        return 64 * (tree.nv + 1) * eps * tree.pivot_scales
+    return 1024 * eps * solution.moved
 
 
 def refuse_impossible(mechanism: Mechanism, tree: Tree) -> None:
@@ -58,9 +58,9 @@ def refuse_massless(mechanism: Mechanism, tree: Tree) -> None:
         )
 
 
-def refuse_undetermined(mechanism: Mechanism, tree: Tree, solution: Solution) -> None:
+def refuse_undetermined(mechanism: Mechanism, tree: Tree, solution: Solution, eps: float = EPS) -> None:
     """ModelError where a freedom showed no inertia, or an acceleration is not finite; it names the joint and the state."""
-    pivots, smallest = solution.pivots.astype(float), smallest_pivots(tree, solution).astype(float)
+    pivots, smallest = solution.pivots.astype(float), smallest_pivots(tree, solution, eps).astype(float)
     lost = ~((pivots > smallest) & np.isfinite(pivots))
     if lost.any():
         refuse_massless(mechanism, tree)
@@ -74,6 +74,7 @@ def refuse_undetermined(mechanism: Mechanism, tree: Tree, solution: Solution) ->
         raise ModelError(
             f"joint {_joint(mechanism, index[-1])!r} of {mechanism.name!r} has no inertia to accelerate{_at(index[:-1])}: "
             f"its pivot is {pivots[index]:.3g} and must exceed {least:.3g}. Give the links beyond it mass off its axis, or lock it"
+            + ("; or leave dtype out, as float64 may resolve it" if eps > EPS else "")
         )
     bad = np.argwhere(~np.isfinite(solution.vdot.astype(float)))
     if len(bad):
@@ -99,4 +100,5 @@ def refuse_infinite(values: Mapping[str, Array]) -> None:
         bad = np.argwhere(~np.isfinite(np.asarray(x).astype(float)))
         if len(bad):
             index = tuple(int(i) for i in bad[0])
-            raise ModelError(f"the result{_at(index)} is not finite: displacements, velocities or forces are too large for float64")
+            kind = "float32" if np.asarray(x).dtype == np.float32 else "float64"
+            raise ModelError(f"the result{_at(index)} is not finite: displacements, velocities or forces are too large for {kind}")

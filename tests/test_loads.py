@@ -367,6 +367,52 @@ def test_a_control_law_of_numpy_functions_by_default(seed):
         assert error(scene.forward_dynamics(c.q, c.v, c.tau, t=0.7, backend=backend), expected) < tolerance
 
 
+GAINS = np.array([1.0, 2.0, 0.5, 1.5, 3.0, 0.7])
+
+NUMPY_LAWS = {
+    "where": lambda t, q, v: np.where(v > 0, -1.0, 2.0) * np.abs(v),
+    "limits": lambda t, q, v: np.minimum(np.maximum(-50 * q, -10), 10) + np.clip(-5 * v, -GAINS, GAINS) + (3 * q).clip(-1, 1),
+    "functions": lambda t, q, v: -np.sign(v) * np.exp(-(v**2)) + np.log(1 + q**2) + np.tan(q) - np.arctan2(q, v),
+    "conditions": lambda t, q, v: np.where((v > 0) & (q < 1) | ~(q >= 0.5), 1.0, v) + np.where(np.logical_and(v > -1, v < 1), q, 0.0),
+    "of one number": lambda t, q, v: np.where(q[0] > 0, GAINS, -GAINS) * np.where(t > 0.5, 1.0, 0.0) + np.clip(q[1], -0.1, 0.1) * v,
+    "conditions as numbers": lambda t, q, v: (v > 0) * 5.0 - (v <= 0) * 3.0 + (q == 0) * 1.0,
+    "over all": lambda t, q, v: -v * np.max(np.abs(q)) + q.min() + np.any(q > 1) * 1.0 + np.all(q > -9) * 1.0,
+    "norms": lambda t, q, v: -v * np.linalg.norm(q) - v * np.sqrt(v @ v),
+    "stacked": lambda t, q, v: np.where(np.stack([q[0], v[1], q[2], t, q[4], q[5]]) > 0.1, 1.0, 2.0),
+    "mixed": lambda t, q, v: np.minimum(np.concatenate([q[:3], v[3:]]), 0.1) + np.minimum(t * GAINS, q[0] * GAINS),
+    "powers": lambda t, q, v: np.abs(q) ** 1.5 + q**3 + 2.0**v + np.power(np.abs(q), v),
+    "selected": lambda t, q, v: np.select([v > 1, v > 0], [q, v], -1.0),
+    "array of entries": lambda t, q, v: np.array([-q[0], v[1], np.minimum(q[2], 0.0), t, 0.0, np.where(q[0] > 0, 1.0, q[1])]),
+    "linear algebra": lambda t, q, v: np.diag(GAINS) @ q + np.outer(q, v) @ GAINS + np.dot(GAINS, v) + np.mean(q) + np.cumsum(q),
+}
+
+
+@pytest.mark.parametrize("kind", NUMPY_LAWS)
+def test_control_laws_in_plain_numpy_compile(kind):
+    """What NumPy computes on floats, the kernel computes: comparisons, choices, limits, reductions."""
+    robot = rd.load(ROBOTS / "ur5e.urdf")
+    rng = np.random.default_rng(7)
+    scene = rd.Scene(robot, loads=[rd.ControlLaw(NUMPY_LAWS[kind])])
+    for _ in range(5):
+        q, v = robot.random_state(rng)
+        found, expected = (scene.inverse_dynamics(q, v, v, t=0.7, backend=backend) for backend in ("native", "numpy"))
+        assert error(found, expected) < C * EPS
+
+
+def test_a_law_that_branches_is_told_how_to_choose():
+    def law(t, q, v):
+        return -v if q[0] > 0 else v
+
+    def comparing(t, q, v):
+        x = np.array([q[0], q[1], v[0]])
+        return np.where(x > 0, 1.0, 2.0)
+
+    c = case(3, n=3)
+    for wrong, line in ((law, "return -v if"), (comparing, "return np.where")):
+        with pytest.raises(rd.InputError, match=rf"test_loads\.py:\d+, `{line}.*truth value.*np\.where"):
+            rd.Scene(c.robot, loads=[rd.ControlLaw(wrong)]).forward_dynamics(c.q, c.v)
+
+
 class Integral:
     """A law with a memory."""
 
@@ -432,6 +478,38 @@ def test_a_control_law_is_of_float64():
 
 
 # --- loads of the user's own -------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class EndStop(Load):
+    """A one-sided spring in a joint, and a drag on a link that grows with the square of its speed, up to a limit."""
+
+    joint: str
+    link: str
+
+    def joint_forces(self, state):
+        i = state.mechanism.joint_index(self.joint)
+        beta = state.position(i)
+        return {i: np.where(beta > 0.1, -40.0 * (beta - 0.1) ** 1.5, 0.0 * beta)}
+
+    def link_wrenches(self, state):
+        i = state.mechanism.link_index(self.link)
+        v, height = state.twist(i)[..., 3:], state.pose(i).r[..., 2:]
+        drag = -np.minimum(np.linalg.norm(v, axis=-1, keepdims=True), 2.0) * v * np.where(height < 0.5, 1.0, 0.5)
+        return {i: np.concatenate([0.0 * v, drag], axis=-1)}
+
+
+def test_a_load_in_plain_numpy_runs_in_every_arithmetic():
+    robot = rd.load(ROBOTS / "ur5e.urdf")
+    scene, rng = rd.Scene(robot, loads=[EndStop("elbow_joint", "tool0")]), np.random.default_rng(3)
+    for sign in (1, -1):
+        q, v = robot.random_state(rng)
+        q[2] = sign * abs(q[2])
+        exact = scene.forward_dynamics(q, v, backend="mpmath")
+        for backend in ("native", "numpy"):
+            found = scene.forward_dynamics(q, v, backend=backend)
+            assert type(found) is np.ndarray
+            assert error(found, exact) < C * condition(robot, q) * EPS
 
 
 @dataclass(frozen=True, eq=False)

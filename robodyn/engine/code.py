@@ -40,11 +40,11 @@ class Code:
 
     def get(self, kind: str, variable: str) -> str:
         """The value of a variable, or at an address."""
-        return self.value(f"load {kind}, ptr {variable}, align 8")
+        return self.value(f"load {kind}, ptr {variable}{_aligned(kind)}")
 
     def set(self, kind: str, variable: str, value: str) -> None:
         """Give a variable, or an address, a value."""
-        self.add(f"store {kind} {value}, ptr {variable}, align 8")
+        self.add(f"store {kind} {value}, ptr {variable}{_aligned(kind)}")
 
     def at(self, kind: str, base: str, index: str | int) -> str:
         """The address of an entry of an array."""
@@ -107,3 +107,8 @@ class Code:
         yield from self.lines
         yield "  unreachable"
         yield "}"
+
+
+def _aligned(kind: str) -> str:
+    """Entries of arrays lie as their scalars do, vectors too; what is not in arrays lies as LLVM puts it."""
+    return ", align 8" if "double" in kind or kind in ("i64", "ptr") else ", align 4" if "float" in kind else ""

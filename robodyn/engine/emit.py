@@ -1,7 +1,7 @@
 """LLVM IR of a program: the same instructions once for scalars and once for SIMD vectors, one state per lane.
 
 The text is written directly: a program is straight-line code, and building it through objects would take longer than LLVM does.
-A block of states lives in `slots`, an array with one (vector of) double per value that crosses a border: inputs, outputs, and,
+A block of states lives in `slots`, an array with one (vector of) number per value that crosses a border: inputs, outputs, and,
 where a program is cut into functions of a few thousand operations to keep LLVM's time linear, values that a later one needs.
 """
 
@@ -9,7 +9,8 @@ from collections.abc import Callable, Iterator
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
-from .functions import Type, by_lane, declarations, sincos
+from . import elementary
+from .functions import LIBRARY, Type, by_lane, declarations, sincos
 from .graph import LEAVES
 from .program import Program
 
@@ -19,8 +20,9 @@ if TYPE_CHECKING:
 
 PIECE = 2500  # operations in one function: LLVM's time grows faster than linearly beyond
 BINARY = {"add": "fadd", "sub": "fsub", "mul": "fmul", "div": "fdiv"}
-INTRINSIC = {"sqrt": "sqrt", "abs": "fabs", "min": "minnum", "max": "maxnum"}
-BY_LANE = ("exp", "log", "tanh")
+INTRINSIC = {"sqrt": "sqrt", "abs": "fabs", "min": "minimum", "max": "maximum"}
+# Conditions: i1 in a function; in a slot 1 or 0.
+CONDITION = {"lt": "fcmp olt", "le": "fcmp ole", "eq": "fcmp oeq", "and": "and", "or": "or", "not": "xor"}
 
 
 class Part:
@@ -48,9 +50,10 @@ def prologue(t: Type, *programs: "Program | Looped") -> Iterator[str]:
     used = {op for program in programs for code in program.programs for op, *_ in code.instructions}
     yield from declarations(t)
     yield from sincos(t)
-    for name in BY_LANE:
-        if name in used:
-            yield from by_lane(t, name)
+    for name in sorted(used & LIBRARY.keys()):
+        yield from by_lane(t, name)
+    for name in sorted(used & elementary.FUNCTIONS.keys()):
+        yield from elementary.definition(t, name)
     yield '!0 = !{!"branch_weights", i32 1, i32 100000}'
 
 
@@ -63,17 +66,17 @@ def part(program: "Program | Looped", t: Type, name: str) -> "Part | LoopedPart"
     return LoopedPart(program, t, name)
 
 
-def module(program: "Program | Looped", lanes: int) -> str:
+def module(program: "Program | Looped", lanes: int, scalar: str = "double") -> str:
     """IR text with `i64 @run(ptr in…, i64 stride…, ptr out…, i64 count)`, for a count of 0, or of at least `lanes`.
 
-    in: one pointer per input, to rows of doubles, `stride` doubles apart (0: one row for all); out: rows without gaps. Returns the
-    first row of the first block in which an input, output or guard is not finite or a guard not positive, or −1.
+    in: one pointer per input, to rows of scalars ("double" or "float"), `stride` of them apart (0: one row for all); out: rows without
+    gaps. Returns the first row of the first block in which an input, output or guard is not finite or a guard not positive, or −1.
     """
+    t = Type(lanes, scalar)
     if not isinstance(program, Program):
         from . import loops
 
-        return loops.module(program, lanes)
-    t = Type(lanes)
+        return loops.module(program, t)
     piece = Part(program, t, "piece")
     lines = [*prologue(t, program), *piece.functions(), *_run(piece, t)]
     if lanes > 1:
@@ -124,7 +127,10 @@ def _piece(program: Program, t: Type, name: str, piece: range, slots: dict[Any, 
         slot = slots[("in", *rest)] if op == "in" else slots[j]
         lines.append(f"  %p{j} = getelementptr {F}, ptr %slots, i64 {slot}")
         lines.append(f"  %v{j} = load {F}, ptr %p{j}")
-        return f"%v{j}"
+        if op not in CONDITION:
+            return f"%v{j}"
+        lines.append(f"  %b{j} = fcmp one {F} %v{j}, {t.constant(0.0)}")
+        return f"%b{j}"
 
     operand = instructions(program, t, piece, load, lines)
 
@@ -134,6 +140,9 @@ def _piece(program: Program, t: Type, name: str, piece: range, slots: dict[Any, 
     for i, slot in stores:
         if i in piece if program.instructions[i][0] not in LEAVES else piece.start == 0:
             value = operand(i)
+            if program.instructions[i][0] in CONDITION:
+                lines.append(f"  %f{slot} = select {t.bool} {value}, {F} {t.constant(1.0)}, {F} {t.constant(0.0)}")
+                value = f"%f{slot}"
             lines.append(f"  %q{slot} = getelementptr {F}, ptr %slots, i64 {slot}")
             lines.append(f"  store {F} {value}, ptr %q{slot}")
     yield f"define internal void @{name}(ptr noalias %slots) {'alwaysinline' if inline else 'noinline'} nounwind {{"
@@ -181,8 +190,13 @@ def instructions(program: Program, t: Type, piece: range, load: Callable[[int], 
             lines.append(f"  %v{i} = extractvalue {{{F}, {F}}} {trig[args[0]]}, {int(op == 'cos')}")
         elif op in INTRINSIC:
             lines.append(f"  %v{i} = call {F} @llvm.{INTRINSIC[op]}.{t.name}({', '.join(f'{F} {x}' for x in xs)})")
+        elif op in CONDITION:
+            kind = F if CONDITION[op].startswith("fcmp") else t.bool
+            lines.append(f"  %v{i} = {CONDITION[op]} {kind} {xs[0]}, {xs[1] if len(xs) > 1 else t.splat('i1', 'true')}")
+        elif op == "select":
+            lines.append(f"  %v{i} = select {t.bool} {xs[0]}, {F} {xs[1]}, {F} {xs[2]}")
         else:
-            lines.append(f"  %v{i} = call {F} @{op}.lanes({F} {xs[0]})")
+            lines.append(f"  %v{i} = call {F} @{op}.lanes({', '.join(f'{F} {x}' for x in xs)})")
         names[i] = f"%v{i}"
     return operand
 
@@ -194,7 +208,7 @@ def _run(part: Part, t: Type) -> Iterator[str]:
     arguments += [f"ptr noalias %out{k}" for k in range(len(program.outputs))]
     yield f"define i64 @run({', '.join(arguments)}, i64 %count) nounwind {{"
     yield "entry:"
-    yield f"  %slots = alloca {F}, i64 {len(slots)}, align {8 * L}"
+    yield f"  %slots = alloca {F}, i64 {len(slots)}, align {t.bytes * L}"
     yield f"  %last = sub i64 %count, {L}"
     for k in range(len(program.inputs)):
         for i in range(1, L):
@@ -208,9 +222,9 @@ def _run(part: Part, t: Type) -> Iterator[str]:
     finite = t.constant(0.0)
     for k, (name, size) in enumerate(program.inputs.items()):
         yield f"  %o{k} = mul i64 %first, %stride{k}"
-        yield f"  %i{k}_0 = getelementptr double, ptr %in{k}, i64 %o{k}"
+        yield f"  %i{k}_0 = getelementptr {t.scalar}, ptr %in{k}, i64 %o{k}"
         for i in range(1, L):
-            yield f"  %i{k}_{i} = getelementptr double, ptr %i{k}_0, i64 %far{k}_{i}"
+            yield f"  %i{k}_{i} = getelementptr {t.scalar}, ptr %i{k}_0, i64 %far{k}_{i}"
         entries, text = gathered(t, f"i{k}", [f"%i{k}_{i}" for i in range(L)], size)
         yield from text
         for j, value in enumerate(entries):
@@ -233,9 +247,9 @@ def _run(part: Part, t: Type) -> Iterator[str]:
         ok = f"%ga{n}" if ok is not None else f"%gc{n}"
     for k, (name, values) in enumerate(program.outputs.items()):
         yield f"  %u{k} = mul i64 %first, {len(values)}"
-        yield f"  %w{k}_0 = getelementptr double, ptr %out{k}, i64 %u{k}"
+        yield f"  %w{k}_0 = getelementptr {t.scalar}, ptr %out{k}, i64 %u{k}"
         for i in range(1, L):
-            yield f"  %w{k}_{i} = getelementptr double, ptr %w{k}_0, i64 {i * len(values)}"
+            yield f"  %w{k}_{i} = getelementptr {t.scalar}, ptr %w{k}_0, i64 {i * len(values)}"
         columns = []
         for j in range(len(values)):
             yield f"  %op{k}_{j} = getelementptr {F}, ptr %slots, i64 {slots['out', name, j]}"
@@ -272,20 +286,20 @@ def gathered(t: Type, name: str, rows: list[str], size: int) -> tuple[list[str],
     F, L, columns, lines = t.float, t.lanes, [], []
     if L == 1:
         for j in range(size):
-            lines.append(f"  %{name}a{j} = getelementptr double, ptr {rows[0]}, i64 {j}")
-            lines.append(f"  %{name}c{j} = load double, ptr %{name}a{j}, align 8")
+            lines.append(f"  %{name}a{j} = getelementptr {t.scalar}, ptr {rows[0]}, i64 {j}")
+            lines.append(f"  %{name}c{j} = load {t.scalar}, ptr %{name}a{j}, align {t.bytes}")
             columns.append(f"%{name}c{j}")
         return columns, lines
     for start in range(0, size, L):
         width = min(L, size - start)
         loaded = []
         for i, row in enumerate(rows):
-            lines.append(f"  %{name}a{start}_{i} = getelementptr double, ptr {row}, i64 {start}")
+            lines.append(f"  %{name}a{start}_{i} = getelementptr {t.scalar}, ptr {row}, i64 {start}")
             value = f"%{name}l{start}_{i}"
             if width == L:
-                lines.append(f"  {value} = load {F}, ptr %{name}a{start}_{i}, align 8")
+                lines.append(f"  {value} = load {F}, ptr %{name}a{start}_{i}, align {t.bytes}")
             else:
-                arguments = f"ptr %{name}a{start}_{i}, i32 8, {t.bool} {_mask(L, width)}, {F} zeroinitializer"
+                arguments = f"ptr %{name}a{start}_{i}, i32 {t.bytes}, {t.bool} {_mask(L, width)}, {F} zeroinitializer"
                 lines.append(f"  {value} = call {F} @llvm.masked.load.{t.name}.p0({arguments})")
             loaded.append(value)
         transposed, text = _transposed(t, f"{name}t{start}", loaded)
@@ -299,8 +313,8 @@ def scattered(t: Type, name: str, rows: list[str], columns: list[str]) -> Iterat
     F, L = t.float, t.lanes
     if L == 1:
         for j, value in enumerate(columns):
-            yield f"  %{name}a{j} = getelementptr double, ptr {rows[0]}, i64 {j}"
-            yield f"  store double {value}, ptr %{name}a{j}, align 8"
+            yield f"  %{name}a{j} = getelementptr {t.scalar}, ptr {rows[0]}, i64 {j}"
+            yield f"  store {t.scalar} {value}, ptr %{name}a{j}, align {t.bytes}"
         return
     for start in range(0, len(columns), L):
         group = columns[start : start + L]
@@ -308,11 +322,11 @@ def scattered(t: Type, name: str, rows: list[str], columns: list[str]) -> Iterat
         transposed, text = _transposed(t, f"{name}t{start}", padded)
         yield from text
         for i, (row, value) in enumerate(zip(rows, transposed, strict=True)):
-            yield f"  %{name}a{start}_{i} = getelementptr double, ptr {row}, i64 {start}"
+            yield f"  %{name}a{start}_{i} = getelementptr {t.scalar}, ptr {row}, i64 {start}"
             if len(group) == L:
-                yield f"  store {F} {value}, ptr %{name}a{start}_{i}, align 8"
+                yield f"  store {F} {value}, ptr %{name}a{start}_{i}, align {t.bytes}"
             else:
-                arguments = f"{F} {value}, ptr %{name}a{start}_{i}, i32 8, {t.bool} {_mask(L, len(group))}"
+                arguments = f"{F} {value}, ptr %{name}a{start}_{i}, i32 {t.bytes}, {t.bool} {_mask(L, len(group))}"
                 yield f"  call void @llvm.masked.store.{t.name}.p0({arguments})"
 
 

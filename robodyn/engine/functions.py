@@ -1,4 +1,4 @@
-"""sin and cos in LLVM IR, for scalars and for SIMD vectors of any width, within 1 ulp.
+"""Types; sin and cos in LLVM IR, for scalars and for SIMD vectors of any width, within 1 ulp.
 
 Reduction by multiples of π/2 (Cody and Waite) in fused multiply-adds, with the rounding of the reduced argument carried along;
 then the minimax polynomials on [−π/4, π/4] of fdlibm (Sun Microsystems, 1993). Beyond |x| = 1e5 the reduction would lose
@@ -7,50 +7,85 @@ digits: such arguments take a slow, exact path through the C library, one lane a
 
 import struct
 from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
 
 EXACT_BEYOND = 1e5
 
-# π/2 = P1 + P2 + P3 + …, each the double nearest to what is left.
-P1, P2, P3 = 1.5707963267948966, 6.123233995736766e-17, -1.4973849048591833e-33
-SIN = (
-    -1.66666666666666324348e-01,
-    8.33333333332248946124e-03,
-    -1.98412698298579493134e-04,
-    2.75573137070700676789e-06,
-    -2.50507602534068634195e-08,
-    1.58969099521155010221e-10,
+INTRINSICS = {"fma": 3, "fabs": 1, "sqrt": 1, "rint": 1, "minnum": 2, "maxnum": 2, "minimum": 2, "maximum": 2, "copysign": 2}
+
+# Functions of the C library, by its name, with their number of arguments.
+LIBRARY = {"tan": 1, "asin": 1, "acos": 1, "atan": 1, "atan2": 2, "sinh": 1, "cosh": 1, "expm1": 1, "log1p": 1}
+
+
+@dataclass(frozen=True)
+class Circular:
+    """Constants of sin and cos for a floating-point format."""
+
+    half_pi: tuple[float, float, float]  # π/2 = P1 + P2 + P3 + …, each the number nearest to what is left
+    sin: tuple[float, ...]  # sin r = r + r z S(z), z = r², |r| ≤ π/4
+    cos: tuple[float, ...]  # cos r = 1 − z/2 + z² C(z)
+
+
+DOUBLE = Circular(
+    (1.5707963267948966, 6.123233995736766e-17, -1.4973849048591833e-33),
+    (
+        -1.66666666666666324348e-01,
+        8.33333333332248946124e-03,
+        -1.98412698298579493134e-04,
+        2.75573137070700676789e-06,
+        -2.50507602534068634195e-08,
+        1.58969099521155010221e-10,
+    ),
+    (
+        4.16666666666666019037e-02,
+        -1.38888888888741095749e-03,
+        2.48015872894767294178e-05,
+        -2.75573143513906633035e-07,
+        2.08757232129817482790e-09,
+        -1.13596475577881948265e-11,
+    ),
 )
-COS = (
-    4.16666666666666019037e-02,
-    -1.38888888888741095749e-03,
-    2.48015872894767294178e-05,
-    -2.75573143513906633035e-07,
-    2.08757232129817482790e-09,
-    -1.13596475577881948265e-11,
+# Fitted at Chebyshev's nodes in 60 digits, within 2⁻²⁸ of the result.
+SINGLE = Circular(
+    (1.5707963705062866, -4.371138828673793e-08, -1.7151245100058819e-15),
+    (-0.166666672, 0.00833333191, -0.000198400841, 2.72496209e-06),
+    (0.0416666642, -0.00138883013, 2.45476895e-05),
 )
 
 
 class Type:
-    """double, or a vector of `lanes` doubles."""
+    """A floating-point scalar, "double" or "float", or a vector of `lanes` of them."""
 
-    def __init__(self, lanes: int) -> None:
-        self.lanes = lanes
-        self.name = "f64" if lanes == 1 else f"v{lanes}f64"
-        self.float = self.of("double")
-        self.int = self.of("i64")
+    def __init__(self, lanes: int, scalar: str = "double") -> None:
+        self.lanes, self.scalar = lanes, scalar
+        self.bits = 64 if scalar == "double" else 32
+        self.bytes = self.bits // 8
+        self.integer_scalar = f"i{self.bits}"
+        self.name = f"f{self.bits}" if lanes == 1 else f"v{lanes}f{self.bits}"
+        self.float = self.of(scalar)
+        self.int = self.of(self.integer_scalar)
         self.bool = self.of("i1")
 
     def of(self, scalar: str) -> str:
         """The type of a scalar in every lane."""
         return scalar if self.lanes == 1 else f"<{self.lanes} x {scalar}>"
 
+    def widened(self) -> "Type":
+        """As many doubles."""
+        return Type(self.lanes)
+
     def constant(self, x: float) -> str:
-        """A double, in every lane, to the last bit."""
-        return self.splat("double", f"0x{struct.unpack('<Q', struct.pack('<d', x))[0]:016X}")
+        """A number, rounded once to this type, in every lane, to the last bit."""
+        if self.bits == 32:  # LLVM spells a float as the double of the same value
+            with np.errstate(over="ignore"):
+                x = float(np.float32(x))
+        return self.splat(self.scalar, f"0x{struct.unpack('<Q', struct.pack('<d', x))[0]:016X}")
 
     def integer(self, k: int) -> str:
         """An integer in every lane."""
-        return self.splat("i64", str(k))
+        return self.splat(self.integer_scalar, str(k))
 
     def splat(self, scalar: str, text: str) -> str:
         """A constant, spelt out for every lane."""
@@ -58,20 +93,22 @@ class Type:
 
 
 def declarations(t: Type) -> Iterator[str]:
-    """What the functions below call."""
-    F = t.float
-    yield f"declare {F} @llvm.fma.{t.name}({F}, {F}, {F})"
-    for name in ("fabs", "sqrt", "rint", "minnum", "maxnum"):
-        yield f"declare {F} @llvm.{name}.{t.name}({', '.join([F] * (2 if name.endswith('num') else 1))})"
-    for name in ("sin", "cos", "exp", "log", "tanh"):
+    """The intrinsics that kernels and the functions here call, for a type and, where it is another, for doubles in its lanes."""
+    for u in {t.name: t, t.widened().name: t.widened()}.values():
+        for name, n in INTRINSICS.items():
+            yield f"declare {u.float} @llvm.{name}.{u.name}({', '.join([u.float] * n)})"
+    for name in ("sin", "cos"):
         yield f"declare double @{name}(double) nounwind memory(none)"
     if t.lanes > 1:
-        yield "declare double @llvm.fabs.f64(double)"
+        for scalar, name in {("double", "f64"), (t.scalar, f"f{t.bits}")}:
+            yield f"declare {scalar} @llvm.fabs.{name}({scalar})"
 
 
 def sincos(t: Type) -> Iterator[str]:
     """define {sin, cos} @sincos(x): always inlined, but for the slow path."""
     F, N, B, c = t.float, t.int, t.bool, t.constant
+    constants = DOUBLE if t.bits == 64 else SINGLE
+    (P1, P2, P3), SIN, COS = constants.half_pi, constants.sin, constants.cos
 
     def fma(out: str, a: str, b: str, d: str) -> str:
         return f"  %{out} = call {F} @llvm.fma.{t.name}({F} {a}, {F} {b}, {F} {d})"
@@ -128,7 +165,7 @@ def sincos(t: Type) -> Iterator[str]:
         if name == "c":
             yield f"  %next = add {N} %n, {t.integer(1)}"
         yield f"  %{name}b = and {N} {n}, {t.integer(2)}"
-        yield f"  %{name}m = shl {N} %{name}b, {t.integer(62)}"
+        yield f"  %{name}m = shl {N} %{name}b, {t.integer(t.bits - 2)}"
         yield f"  %{name}i = bitcast {F} %{name}q to {N}"
         yield f"  %{name}x = xor {N} %{name}i, %{name}m"
         yield f"  %{name}f = bitcast {N} %{name}x to {F}"
@@ -155,19 +192,27 @@ def sincos(t: Type) -> Iterator[str]:
     yield f"define internal {{{F}, {F}}} @sincos_exact({F} %x, {F} %s, {F} %c) noinline cold nounwind {{"
     s, co = "%s", "%c"
     for i in range(t.lanes):
-        if t.lanes == 1:
-            yield f"  %x{i} = fadd double %x, 0x8000000000000000"
-        else:
+        x = "%x"
+        if t.lanes > 1:
             yield f"  %x{i} = extractelement {F} %x, i32 {i}"
-        yield f"  %sl{i} = call double @sin(double %x{i})"
-        yield f"  %cl{i} = call double @cos(double %x{i})"
+            x = f"%x{i}"
+        if t.bits == 32:
+            yield f"  %w{i} = fpext float {x} to double"
+            x = f"%w{i}"
+        yield f"  %sl{i} = call double @sin(double {x})"
+        yield f"  %cl{i} = call double @cos(double {x})"
+        exact = f"%sl{i}", f"%cl{i}"
+        if t.bits == 32:
+            yield f"  %st{i} = fptrunc double %sl{i} to float"
+            yield f"  %ct{i} = fptrunc double %cl{i} to float"
+            exact = f"%st{i}", f"%ct{i}"
         if t.lanes == 1:
-            s, co = f"%sl{i}", f"%cl{i}"
+            s, co = exact
             continue
-        yield f"  %a{i} = call double @llvm.fabs.f64(double %x{i})"
-        yield f"  %l{i} = fcmp ugt double %a{i}, 0x{struct.unpack('<Q', struct.pack('<d', EXACT_BEYOND))[0]:016X}"
-        for name, old in (("s", s), ("c", co)):
-            yield f"  %{name}n{i} = insertelement {F} {old}, double %{name}l{i}, i32 {i}"
+        yield f"  %a{i} = call {t.scalar} @llvm.fabs.f{t.bits}({t.scalar} %x{i})"
+        yield f"  %l{i} = fcmp ugt {t.scalar} %a{i}, {Type(1, t.scalar).constant(EXACT_BEYOND)}"
+        for name, old, new in (("s", s, exact[0]), ("c", co, exact[1])):
+            yield f"  %{name}n{i} = insertelement {F} {old}, {t.scalar} {new}, i32 {i}"
             yield f"  %{name}k{i} = select i1 %l{i}, {F} %{name}n{i}, {F} {old}"
         s, co = f"%sk{i}", f"%ck{i}"
     yield f"  %p = insertvalue {{{F}, {F}}} undef, {F} {s}, 0"
@@ -177,18 +222,30 @@ def sincos(t: Type) -> Iterator[str]:
 
 
 def by_lane(t: Type, name: str) -> Iterator[str]:
-    """define @name.lanes(x): a function of the C library, one lane after the other."""
-    F = t.float
-    yield f"define internal {F} @{name}.lanes({F} %x) noinline nounwind {{"
-    if t.lanes == 1:
-        yield f"  %y = call double @{name}(double %x)"
-        yield "  ret double %y"
-    else:
-        last = "undef"
-        for i in range(t.lanes):
-            yield f"  %x{i} = extractelement {F} %x, i32 {i}"
-            yield f"  %y{i} = call double @{name}(double %x{i})"
-            yield f"  %v{i} = insertelement {F} {last}, double %y{i}, i32 {i}"
-            last = f"%v{i}"
-        yield f"  ret {F} {last}"
+    """define @name.lanes(x, …): a function of the C library for doubles, one lane after the other."""
+    F, n = t.float, LIBRARY[name]
+    yield f"declare double @{name}({', '.join(['double'] * n)}) nounwind memory(none)"
+    yield f"define internal {F} @{name}.lanes({', '.join(f'{F} %a{k}' for k in range(n))}) noinline nounwind {{"
+    last = "undef"
+    for i in range(t.lanes):
+        arguments = []
+        for k in range(n):
+            value = f"%a{k}"
+            if t.lanes > 1:
+                yield f"  %x{k}_{i} = extractelement {F} %a{k}, i32 {i}"
+                value = f"%x{k}_{i}"
+            if t.bits == 32:
+                yield f"  %w{k}_{i} = fpext float {value} to double"
+                value = f"%w{k}_{i}"
+            arguments.append(f"double {value}")
+        yield f"  %y{i} = call double @{name}({', '.join(arguments)})"
+        value = f"%y{i}"
+        if t.bits == 32:
+            yield f"  %n{i} = fptrunc double %y{i} to float"
+            value = f"%n{i}"
+        if t.lanes > 1:
+            yield f"  %v{i} = insertelement {F} {last}, {t.scalar} {value}, i32 {i}"
+            value = f"%v{i}"
+        last = value
+    yield f"  ret {F} {last}"
     yield "}"

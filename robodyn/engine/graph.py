@@ -11,11 +11,14 @@ from typing import Any
 
 import numpy as np
 
+from ..dispatch import Symbolic
+
 Node = tuple[Any, ...]  # (operation, operand, …): operands are node numbers, of "const" a float, of "in" a name and an index
 
-UNARY = ("sqrt", "sin", "cos", "exp", "log", "tanh", "abs")
-COMMUTATIVE = ("add", "mul", "min", "max")
 LEAVES = ("const", "in")
+ODD = ("sin", "tan", "tanh", "asin", "atan", "sinh")
+EVEN = ("cos", "cosh", "abs")
+POWERS = 16  # whole exponents up to which a power is computed by multiplication
 
 
 class Graph:
@@ -43,7 +46,13 @@ class Graph:
         """A number as a scalar of this graph."""
         if isinstance(x, Scalar):
             return x
+        if isinstance(x, Condition):
+            return x.select(1.0, 0.0)
         return self.node("const", float(x))  # type: ignore[arg-type]
+
+    def condition(self, *key: Any) -> "Condition":
+        """The condition of an operation, as `node`."""
+        return Condition(self, self.node(*key).number)
 
     def live(self, outputs: Iterable["Scalar"]) -> list[int]:
         """The nodes that the outputs need, in order of evaluation."""
@@ -59,20 +68,105 @@ class Graph:
         return sorted(found)
 
 
-class Scalar:
-    """A number that is not known yet. Behaves like a float under + − × ÷ and the functions of `arithmetic`."""
+class Traced(Symbolic):
+    """What is not known yet: a node of a graph. NumPy's functions take it, as far as `dispatch` goes."""
 
     __slots__ = ("graph", "number")
 
     def __init__(self, graph: Graph, number: int) -> None:
         self.graph, self.number = graph, number
 
-    # --- what is known ---
-
     @property
     def node(self) -> Node:
         """The operation and its operands."""
         return self.graph.nodes[self.number]
+
+    def __float__(self) -> float:
+        raise TypeError("a traced number has no value yet, and no array of floats can hold it: make room with np.zeros_like(q)")
+
+    def __repr__(self) -> str:
+        return f"<traced {self.node}>"
+
+
+class Condition(Traced):
+    """A comparison of numbers that are not known yet, for `select` (np.where), & | ~; in arithmetic 1 where it holds, and 0 elsewhere."""
+
+    __slots__ = ()
+
+    @property
+    def constant(self) -> bool | None:
+        """What holds, or does not, whatever the numbers; None for all others."""
+        return self.node[0] == "true" if self.node[0] in ("true", "false") else None
+
+    def _lift(self, x: object) -> "Condition":
+        return x if isinstance(x, Condition) else self.graph.condition("true" if x else "false")
+
+    def __and__(self, other: object) -> "Condition":
+        if isinstance(other, np.ndarray):
+            return NotImplemented
+        y = self._lift(other)
+        for a, b in ((self, y), (y, self)):
+            if a.constant is not None:
+                return b if a.constant else a
+        return self if self.number == y.number else self.graph.condition("and", *sorted((self.number, y.number)))
+
+    def __or__(self, other: object) -> "Condition":
+        if isinstance(other, np.ndarray):
+            return NotImplemented
+        y = self._lift(other)
+        for a, b in ((self, y), (y, self)):
+            if a.constant is not None:
+                return a if a.constant else b
+        return self if self.number == y.number else self.graph.condition("or", *sorted((self.number, y.number)))
+
+    def __invert__(self) -> "Condition":
+        if self.constant is not None:
+            return self._lift(not self.constant)
+        return Condition(self.graph, self.node[1]) if self.node[0] == "not" else self.graph.condition("not", self.number)
+
+    __rand__, __ror__ = __and__, __or__
+
+    def select(self, yes: object, no: object) -> "Scalar":
+        """`yes` where the condition holds, `no` elsewhere; what is not chosen may be NaN."""
+        a, b = self.graph.lift(yes), self.graph.lift(no)
+        if self.constant is not None:
+            return a if self.constant else b
+        if a.number == b.number:
+            return a
+        if self.node[0] == "not":
+            return (~self).select(b, a)
+        return self.graph.node("select", self.number, a.number, b.number)
+
+    def __mul__(self, other: object) -> "Scalar":
+        return NotImplemented if isinstance(other, np.ndarray) else self.graph.lift(self) * other
+
+    def __add__(self, other: object) -> "Scalar":
+        return NotImplemented if isinstance(other, np.ndarray) else self.graph.lift(self) + other
+
+    def __sub__(self, other: object) -> "Scalar":
+        return NotImplemented if isinstance(other, np.ndarray) else self.graph.lift(self) - other
+
+    def __rsub__(self, other: object) -> "Scalar":
+        return NotImplemented if isinstance(other, np.ndarray) else self.graph.lift(other) - self
+
+    __rmul__, __radd__ = __mul__, __add__
+
+    def __bool__(self) -> bool:
+        if self.constant is not None:
+            return self.constant
+        raise TypeError(
+            "a traced comparison has no truth value, as the numbers are not known before the kernel runs: choose with "
+            "np.where(x > 0, a, b) and join conditions with & | ~; entries become an array that can be compared by np.stack([x, y]), "
+            "not by np.array([x, y])"
+        )
+
+
+class Scalar(Traced):
+    """A number that is not known yet. Behaves like a float under + − × ÷, comparisons and the functions of `arithmetic`."""
+
+    __slots__ = ()
+
+    # --- what is known ---
 
     @property
     def constant(self) -> float | None:
@@ -183,23 +277,102 @@ class Scalar:
     def __rtruediv__(self, other: object) -> "Scalar":
         return NotImplemented if isinstance(other, np.ndarray) else self.graph.lift(other) / self
 
-    def __pow__(self, n: object) -> "Scalar":
-        if n == 2:
-            return self * self
-        raise TypeError(f"a traced number can be squared, not raised to {n!r}: write it with exp and log")
+    def __pow__(self, other: object) -> "Scalar":
+        if isinstance(other, np.ndarray):
+            return NotImplemented  # the array asks for each entry
+        y = self.graph.lift(other)
+        a, n = self.constant, y.constant
+        if a is not None and n is not None:
+            with np.errstate(all="ignore"):
+                return self.graph.lift(float(np.float64(a) ** np.float64(n)))
+        if n == 0.5:
+            return self.sqrt()
+        if n is None or n != round(n) or abs(n) > POWERS:
+            return self.graph.node("pow", self.number, y.number)
+        if n < 0:
+            return 1.0 / self**-n
+        result, square, n = self.graph.lift(1.0), self, int(n)
+        while n:
+            result, n = (result * square if n % 2 else result), n // 2
+            square = square * square if n else square
+        return result
 
-    # --- functions ---
+    def __rpow__(self, other: object) -> "Scalar":
+        return NotImplemented if isinstance(other, np.ndarray) else self.graph.lift(other) ** self
 
-    def _function(self, name: str) -> "Scalar":
+    # --- comparisons, false for NaN but for ≠ ---
+
+    def _compare(self, op: str, other: object, *, swapped: bool = False) -> Condition:
+        if isinstance(other, np.ndarray):
+            return NotImplemented
+        try:
+            y = self.graph.lift(other)
+        except (TypeError, ValueError):  # not a number
+            return NotImplemented
+        x, y = (y, self) if swapped else (self, y)
+        a, b = x.constant, y.constant
+        if a is not None and b is not None:
+            return self.graph.condition("true" if {"lt": a < b, "le": a <= b, "eq": a == b}[op] else "false")
+        if op == "lt" and x.number == y.number:
+            return self.graph.condition("false")
+        return self.graph.condition(op, *(sorted((x.number, y.number)) if op == "eq" else (x.number, y.number)))
+
+    def __lt__(self, other: object) -> Condition:
+        return self._compare("lt", other)
+
+    def __le__(self, other: object) -> Condition:
+        return self._compare("le", other)
+
+    def __gt__(self, other: object) -> Condition:
+        return self._compare("lt", other, swapped=True)
+
+    def __ge__(self, other: object) -> Condition:
+        return self._compare("le", other, swapped=True)
+
+    def __eq__(self, other: object) -> Condition:  # type: ignore[override]
+        return self._compare("eq", other)
+
+    def __ne__(self, other: object) -> Condition:  # type: ignore[override]
+        equal = self._compare("eq", other)
+        return equal if equal is NotImplemented else ~equal
+
+    __hash__ = object.__hash__  # nodes are found by their numbers, never by comparing scalars
+
+    # --- functions, by the names that NumPy gives them ---
+
+    def _function(self, name: str, numpy_name: str = "") -> "Scalar":
         c = self.constant
         if c is not None:
-            return self.graph.lift(float(getattr(np, name)(c)))
+            return self.graph.lift(float(getattr(np, numpy_name or name)(c)))
         x = self._negated()
-        if x is not None and name in ("sin", "tanh"):
-            return -x._function(name)
-        if x is not None and name in ("cos", "abs"):
-            return x._function(name)
+        if x is not None and name in ODD:
+            return -x._function(name, numpy_name)
+        if x is not None and name in EVEN:
+            return x._function(name, numpy_name)
         return self.graph.node(name, self.number)
+
+    def _extreme(self, op: str, other: object) -> "Scalar":
+        y = self.graph.lift(other)
+        a, b = self.constant, y.constant
+        if a is not None and b is not None:
+            return self.graph.lift(float((np.minimum if op == "min" else np.maximum)(a, b)))
+        return self if self.number == y.number else self.graph.node(op, *sorted((self.number, y.number)))
+
+    def minimum(self, other: object) -> "Scalar":
+        """The smaller; NaN where one is NaN, as np.minimum; −0 is smaller than 0."""
+        return self._extreme("min", other)
+
+    def maximum(self, other: object) -> "Scalar":
+        """The larger; NaN where one is NaN, as np.maximum; 0 is larger than −0."""
+        return self._extreme("max", other)
+
+    def sign(self) -> "Scalar":
+        """−1, 0 or 1; NaN for NaN, as np.sign."""
+        return (self > 0.0).select(1.0, (self < 0.0).select(-1.0, (self == 0.0).select(0.0, self)))
+
+    def sqrt(self) -> "Scalar":
+        """√x."""
+        return self._function("sqrt")
 
     def sin(self) -> "Scalar":
         """sin x."""
@@ -209,30 +382,63 @@ class Scalar:
         """cos x."""
         return self._function("cos")
 
-    def sqrt(self) -> "Scalar":
-        """√x."""
-        return self._function("sqrt")
+    def tan(self) -> "Scalar":
+        """tan x."""
+        return self._function("tan")
+
+    def arcsin(self) -> "Scalar":
+        """The angle in [−π/2, π/2] with this sine."""
+        return self._function("asin", "arcsin")
+
+    def arccos(self) -> "Scalar":
+        """The angle in [0, π] with this cosine."""
+        return self._function("acos", "arccos")
+
+    def arctan(self) -> "Scalar":
+        """The angle in [−π/2, π/2] with this tangent."""
+        return self._function("atan", "arctan")
+
+    def arctan2(self, x: object) -> "Scalar":
+        """The angle of the point (x, y = self), in [−π, π]."""
+        other = self.graph.lift(x)
+        a, b = self.constant, other.constant
+        if a is not None and b is not None:
+            return self.graph.lift(math.atan2(a, b))
+        return self.graph.node("atan2", self.number, other.number)
+
+    def sinh(self) -> "Scalar":
+        """sinh x."""
+        return self._function("sinh")
+
+    def cosh(self) -> "Scalar":
+        """cosh x."""
+        return self._function("cosh")
+
+    def tanh(self) -> "Scalar":
+        """tanh x."""
+        return self._function("tanh")
 
     def exp(self) -> "Scalar":
         """eˣ."""
         return self._function("exp")
 
+    def expm1(self) -> "Scalar":
+        """eˣ − 1."""
+        return self._function("expm1")
+
     def log(self) -> "Scalar":
         """The natural logarithm."""
         return self._function("log")
 
-    def tanh(self) -> "Scalar":
-        """tanh x."""
-        return self._function("tanh")
+    def log1p(self) -> "Scalar":
+        """log(1 + x)."""
+        return self._function("log1p")
 
     def __abs__(self) -> "Scalar":
         return self._function("abs")
 
     def __bool__(self) -> bool:
         raise TypeError("a traced number has no truth value: which way a branch goes is not known before the kernel runs")
-
-    def __repr__(self) -> str:
-        return f"<traced {self.node}>"
 
 
 def scalars(outputs: Sequence[object], graph: Graph) -> list[Scalar]:

@@ -17,17 +17,19 @@ from .compile import OPTIONS, Loaded, cpu, lanes, llvm, object_code
 from .program import Program
 from .sweeps import Looped
 
+DOUBLE, SINGLE = np.dtype(np.float64), np.dtype(np.float32)
+SCALARS = {DOUBLE: "double", SINGLE: "float"}  # what LLVM calls them
 WORK = 5_000_000  # instructions times rows that a thread should have to do, about 0.2 ms: handing work over costs a tenth of it
 
 
 class Kernel:
-    """Machine code of a program, compiled when first called and kept on disk.
+    """Machine code of a program in float64 or float32, compiled when first called and kept on disk.
 
     The same bits come out whatever the batch, the lanes and the threads: scalar and SIMD code round alike (see `program`).
     """
 
-    def __init__(self, program: Program | Looped) -> None:
-        self.program = program
+    def __init__(self, program: Program | Looped, dtype: np.dtype = DOUBLE) -> None:
+        self.program, self.dtype = program, np.dtype(dtype)
         self._listeners: list[Callable[[Any], None]] = []
         self._functions: dict[int, Any] = {}
         self._lock = threading.Lock()
@@ -35,19 +37,21 @@ class Kernel:
     def __call__(self, batch: tuple[int, ...], arrays: Mapping[str, Array], threads: int | None = None) -> tuple[dict[str, Array], int]:
         """Outputs (*batch, size) by name, and the first row of a block in which something was not finite or a guard failed; −1: none.
 
-        arrays: float64, one per input, (*batch, size) or with leading dimensions that broadcast to the batch.
+        arrays: one per input, converted to the kernel's dtype, (*batch, size) or with leading dimensions that broadcast to the batch.
         """
         n = math.prod(batch)
-        rows = [_rows(arrays[name], batch, size) for name, size in self.program.inputs.items()]
-        outputs = {name: np.empty((*batch, len(values))) for name, values in self.program.outputs.items()}
-        width = lanes() if n >= lanes() else 1
+        rows = [_rows(arrays[name], batch, size, self.dtype) for name, size in self.program.inputs.items()]
+        outputs = {name: np.empty((*batch, len(values)), self.dtype) for name, values in self.program.outputs.items()}
+        width = lanes() * DOUBLE.itemsize // self.dtype.itemsize
+        width = width if n >= width else 1
         run = self._functions.get(width) or self._compiled(width)
         ins = [(x.ctypes.data, stride) for x, stride in rows]
+        item = self.dtype.itemsize
         outs = [(out.ctypes.data, out.shape[-1]) for out in outputs.values()]
 
         def part(first: int, last: int) -> int:
-            arguments = [a for pointer, stride in ins for a in (pointer + 8 * stride * first, stride)]
-            bad = run(*arguments, *(pointer + 8 * size * first for pointer, size in outs), last - first)
+            arguments = [a for pointer, stride in ins for a in (pointer + item * stride * first, stride)]
+            bad = run(*arguments, *(pointer + item * size * first for pointer, size in outs), last - first)
             return first + bad if bad >= 0 else -1
 
         workers = min(threads or os.cpu_count() or 1, n * self.program.length // WORK) if n >= 2 * width else 1
@@ -73,7 +77,8 @@ class Kernel:
     def _compiled(self, width: int) -> Any:
         with self._lock:
             if width not in self._functions:
-                self._functions[width] = self._function(load(emit.module(self.program, width), self.program.tables))
+                code = emit.module(self.program, width, SCALARS[self.dtype])
+                self._functions[width] = self._function(load(code, self.program.tables))
                 for listener in self._listeners if width > 1 else ():
                     listener(self._functions[width])
         return self._functions[width]
@@ -85,10 +90,10 @@ class Kernel:
         return function
 
     def __getstate__(self) -> dict:
-        return {"program": self.program}
+        return {"program": self.program, "dtype": self.dtype}
 
     def __setstate__(self, state: dict) -> None:
-        self.__init__(state["program"])
+        self.__init__(state["program"], state["dtype"])
 
 
 def load(ir: str, tables: Mapping[str, Array] = MappingProxyType({})) -> Loaded:
@@ -102,13 +107,14 @@ def load(ir: str, tables: Mapping[str, Array] = MappingProxyType({})) -> Loaded:
     return Loaded(code, tables)
 
 
-def _rows(x: Array, batch: tuple[int, ...], size: int) -> tuple[Array, int]:
-    """x as rows without gaps, and how many doubles lie between them: 0 where one row serves all."""
-    if x.shape != (*batch, size):
-        if x.size == size:
-            return np.ascontiguousarray(x, dtype=float), 0
-        x = np.broadcast_to(x, (*batch, size))
-    return np.ascontiguousarray(x, dtype=float), size
+def _rows(x: Array, batch: tuple[int, ...], size: int, dtype: np.dtype) -> tuple[Array, int]:
+    """x as rows without gaps, and how many numbers lie between them: 0 where one row serves all."""
+    with np.errstate(over="ignore"):  # what is too large for float32 is ∞, and found so
+        if x.shape != (*batch, size):
+            if x.size == size:
+                return np.ascontiguousarray(x, dtype=dtype), 0
+            x = np.broadcast_to(x, (*batch, size))
+        return np.ascontiguousarray(x, dtype=dtype), size
 
 
 _pools: dict[int, ThreadPoolExecutor] = {}

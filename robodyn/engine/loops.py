@@ -74,12 +74,18 @@ class LoopedPart:
             def load(j: int) -> str:
                 base, offset = code.instructions[j][1:]
                 where = address(base, offset)
-                if base != "param" or t.lanes == 1:
+                if base != "param":
                     lines.append(f"  %v{j} = load {F}, ptr {where}")
-                else:
-                    lines.append(f"  %s{j} = load double, ptr {where}")
-                    lines.append(f"  %i{j} = insertelement {F} undef, double %s{j}, i32 0")
-                    lines.append(f"  %v{j} = shufflevector {F} %i{j}, {F} undef, <{t.lanes} x i32> zeroinitializer")
+                    return f"%v{j}"
+                lines.append(f"  %d{j} = load double, ptr {where}")
+                one = f"%d{j}"
+                if t.scalar != "double":
+                    lines.append(f"  %s{j} = fptrunc double {one} to {t.scalar}")
+                    one = f"%s{j}"
+                if t.lanes == 1:
+                    return one
+                lines.append(f"  %i{j} = insertelement {F} undef, {t.scalar} {one}, i32 0")
+                lines.append(f"  %v{j} = shufflevector {F} %i{j}, {F} undef, <{t.lanes} x i32> zeroinitializer")
                 return f"%v{j}"
 
             operand = instructions(code, t, range(len(code.instructions)), load, lines)
@@ -154,13 +160,12 @@ class LoopedPart:
             c.set("i64", i, c.binary("add", "i64", c.get("i64", i), "-1" if loop.inward else "1"))
 
 
-def module(program: Looped, lanes: int) -> str:
+def module(program: Looped, t: Type) -> str:
     """IR text with the same `@run` as `emit.module` writes for straight-line code."""
-    t = Type(lanes)
     part = LoopedPart(program, t, "evaluate")
     lines = [*prologue(t, program), *part.functions(), *_run(part, t)]
     lines += ["declare ptr @malloc(i64)", "declare void @free(ptr)", "declare i64 @llvm.smin.i64(i64, i64)"]
-    if lanes > 1:
+    if t.lanes > 1:
         lines.append(f"declare {t.float} @llvm.masked.load.{t.name}.p0(ptr, i32, {t.bool}, {t.float})")
         lines.append(f"declare void @llvm.masked.store.{t.name}.p0({t.float}, ptr, i32, {t.bool})")
     return "\n".join(lines) + "\n"
@@ -169,7 +174,7 @@ def module(program: Looped, lanes: int) -> str:
 def _run(part: LoopedPart, t: Type) -> Iterator[str]:
     """Blocks of `lanes` rows: gather, evaluate, check, scatter; as `emit` does, with loops over the columns."""
     c, program, F, L = Code(), part.program, t.float, t.lanes
-    memory = c.value(f"call ptr @malloc(i64 {8 * L * part.size + 64})")
+    memory = c.value(f"call ptr @malloc(i64 {t.bytes * L * part.size + 64})")
     with c.when(c.value(f"icmp eq ptr {memory}, null")):
         c.leave("i64", "0")
     address = c.binary("and", "i64", c.binary("add", "i64", c.value(f"ptrtoint ptr {memory} to i64"), "63"), "-64")
@@ -189,10 +194,10 @@ def _run(part: LoopedPart, t: Type) -> Iterator[str]:
             with c.repeat(lambda: c.value(f"icmp slt i64 {c.get('i64', j)}, {whole}")):
                 at = c.get("i64", j)
                 place = c.at(F, slots, c.binary("add", "i64", at, str(start)))
-                body([c.at("double", pointer, at) for pointer in rows_of], place, L)
+                body([c.at(t.scalar, pointer, at) for pointer in rows_of], place, L)
                 c.set("i64", j, c.binary("add", "i64", at, str(L)))
         if size > whole:
-            body([c.at("double", pointer, whole) for pointer in rows_of], c.at(F, slots, start + whole), size - whole)
+            body([c.at(t.scalar, pointer, whole) for pointer in rows_of], c.at(F, slots, start + whole), size - whole)
 
     with c.repeat(going):
         # The last block ends with the last row: it may compute rows of the one before again, and writes the same.
@@ -204,7 +209,7 @@ def _run(part: LoopedPart, t: Type) -> Iterator[str]:
 
         for k, (name, size) in enumerate(program.inputs.items()):
             pointers = [
-                c.at("double", f"%in{k}", c.binary("mul", "i64", c.binary("add", "i64", first, str(i)), f"%stride{k}")) for i in range(L)
+                c.at(t.scalar, f"%in{k}", c.binary("mul", "i64", c.binary("add", "i64", first, str(i)), f"%stride{k}")) for i in range(L)
             ]
 
             def gather(pointers: list[str], place: str, width: int) -> None:
@@ -220,7 +225,7 @@ def _run(part: LoopedPart, t: Type) -> Iterator[str]:
         good = c.value(f"fcmp ogt {F} {c.get(F, c.at(F, slots, part.slots[TRUSTED]))}, {t.constant(0.0)}")
         for k, place in enumerate(program.outputs.values()):
             pointers = [
-                c.at("double", f"%out{k}", c.binary("mul", "i64", c.binary("add", "i64", first, str(i)), str(len(place)))) for i in range(L)
+                c.at(t.scalar, f"%out{k}", c.binary("mul", "i64", c.binary("add", "i64", first, str(i)), str(len(place)))) for i in range(L)
             ]
 
             def scatter(pointers: list[str], place: str, width: int) -> None:

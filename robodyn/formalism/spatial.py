@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..algebra import column, cross, dot, joined, mirrored, mul, skew, stacked, transpose
-from ..arithmetic import Array, dtype_of, zeros
+from ..arithmetic import Array, dtype_of, known, zeros
 from ..model import Inertia
 
 
@@ -146,5 +146,5 @@ class ArticulatedInertia(NamedTuple):
 
 def coordinate_axis(s: Array) -> int | None:
     """The entry that alone is not zero in a constant s (6,); None where there are several, or s varies."""
-    rows = [i for i, x in enumerate(s) if x != 0] if s.ndim == 1 else []
+    rows = [i for i, x in enumerate(s) if known(x) != 0] if s.ndim == 1 else []
     return rows[0] if len(rows) == 1 else None

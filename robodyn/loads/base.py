@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from ..arithmetic import Array, exact, is_exact
+from ..dispatch import symbols
 from ..errors import InputError
 from ..formalism.kinematics import motion, world_poses
 from ..formalism.spatial import Pose, twist_to_child
@@ -16,7 +17,11 @@ from ..model import Field, Mechanism, Tree
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """What a load may look at: the time, the coordinates, and on demand where the links are and how fast."""
+    """What a load may look at: the time, the coordinates, and on demand where the links are and how fast.
+
+    The arrays of its methods are float64, mpmath numbers or symbols; NumPy's functions take them all, as far as `dispatch` goes, and so
+    do those of `arithmetic`. A choice is np.where, not a branch.
+    """
 
     mechanism: Mechanism
     tree: Tree
@@ -27,12 +32,12 @@ class State:
     def position(self, joint: int) -> Array:
         """β (..., nq_i) of a joint by its index; a mimic joint's follows its leader."""
         beta, mimic = self.q[..., self.mechanism.q_slices[joint]], self.mechanism.joints[joint].mimic
-        return beta if mimic is None else mimic.ratio * beta + mimic.offset
+        return symbols(beta if mimic is None else mimic.ratio * beta + mimic.offset)
 
     def velocity(self, joint: int) -> Array:
         """η (..., nv_i) of a joint by its index."""
         eta, mimic = self.v[..., self.mechanism.v_slices[joint]], self.mechanism.joints[joint].mimic
-        return eta if mimic is None else mimic.ratio * eta
+        return symbols(eta if mimic is None else mimic.ratio * eta)
 
     def constant(self, x: object) -> Array:
         """Numbers of a load, in the state's own arithmetic: sums of them must not round in float64 where the state has 50 digits."""
@@ -53,12 +58,12 @@ class State:
     def pose(self, link: int) -> Pose:
         """A link's frame in the ground's, by the link's index."""
         body, X = self.tree.link_body[link], self.placement(link)
-        return X if body < 0 else self._world[body] @ X
+        return X if body < 0 else Pose(*map(symbols, self._world[body] @ X))
 
     def twist(self, link: int) -> Array:
         """A link's twist (..., 6) at its origin, resolved in it."""
         body, X = self.tree.link_body[link], self.placement(link)
-        return twist_to_child(X, self._motion.twist[body]) if body >= 0 else np.zeros(6)
+        return symbols(twist_to_child(X, self._motion.twist[body])) if body >= 0 else np.zeros(6)
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arithmetic import Array, is_exact
+from ..dispatch import symbols
 from ..errors import InputError, ModelError
 from ..model import Mechanism
 from .base import Load, State
@@ -16,7 +17,9 @@ from .base import Load, State
 class ControlLaw(Load):
     """`ControlLaw(lambda t, q, v: -50 * q - 5 * v)`: called with t, q (nq,), v (nv,), returns tau (nv,).
 
-    A mimic joint's coordinate is driven at its leader.
+    A mimic joint's coordinate is driven at its leader. Compiled, the law runs once, on symbols: arithmetic, comparisons joined by & | ~,
+    np.where, np.select, np.clip, np.minimum, np.maximum, np.sign, np.linalg.norm and NumPy's elementary functions pass; a branch on a
+    value does not. What np.where does not choose is computed all the same.
     """
 
     law: Callable[[float, Array, Array], Array]
@@ -27,8 +30,9 @@ class ControlLaw(Load):
 
     def _traced(self, state: State) -> Array:
         """The law on symbols: NumPy's arithmetic and functions pass, a branch on a value does not."""
+        q, v = symbols(state.q), symbols(state.v)
         try:
-            tau, again = (np.asarray(self.law(state.t, state.q, state.v), dtype=object) for _ in range(2))  # type: ignore[arg-type]
+            tau, again = (np.asarray(self.law(state.t, q, v), dtype=object) for _ in range(2))  # type: ignore[arg-type]
         except Exception as error:
             own = getattr(getattr(self.law, "__code__", None), "co_filename", None)
             frames = [f for f in traceback.extract_tb(error.__traceback__) if f.filename == own]

@@ -10,10 +10,10 @@ from robodyn.engine.kernel import Kernel
 from robodyn.engine.program import program
 
 
-def kernel(function):
+def kernel(function, arguments=1):
     graph = Graph()
-    x = graph.inputs("x", (1,))
-    return Kernel(program(graph, {"x": 1}, {"y": function(x)}))
+    x = graph.inputs("x", (arguments,))
+    return Kernel(program(graph, {"x": arguments}, {"y": np.atleast_1d(function(*x))}))
 
 
 def ulps(values, references):
@@ -48,10 +48,160 @@ def test_sin_and_cos_within_one_ulp_everywhere(name):
     assert ulps(found["y"][:, 0], references).max() <= 1.0
 
 
-@pytest.mark.parametrize("name", ["sin", "cos", "sqrt", "exp", "log", "tanh"])
+def function_arguments(name, rng):
+    """Dense, random over the whole range, and at its edges: results subnormal, next to overflow, next to 1 and next to 0."""
+    tiny = np.concatenate([10.0 ** rng.uniform(-323, 0, 2000), [5e-324, 2.2250738585072014e-308, 2.0**-53, 2.0**-54]])
+    if name == "exp":
+        edges = [709.782712893384, -708.3964185322641, -745.1332191019411, -744.4400719213812, 0.34657359027997264, -0.0]
+        return np.concatenate([np.linspace(-1, 1, 4001), rng.uniform(-745, 709.7, 8000), rng.uniform(-745, -708, 1000), tiny, -tiny, edges])
+    if name == "log":
+        near = 1 + rng.choice([-1, 1], 4000) * 2.0 ** rng.uniform(-53, -2, 4000)
+        edges = [np.sqrt(0.5), np.sqrt(2), 1.7976931348623157e308, 1.0, 2.0]
+        return np.concatenate([np.linspace(0.5, 2, 4001), near, 10.0 ** rng.uniform(-323, 308, 4000), tiny, edges])
+    edges = [18.9, 19.0615, 19.07, 22.0, 300.0, 1e308, 0.17328679513998632]
+    return np.concatenate([np.linspace(-1, 1, 4001), rng.uniform(-22, 22, 8000), tiny, -tiny, edges])
+
+
+@pytest.mark.parametrize("name", ["exp", "log", "tanh"])
+def test_exp_log_and_tanh_within_one_ulp(name):
+    xs = function_arguments(name, np.random.default_rng(3))
+    found, bad = kernel(getattr(arithmetic, name))((len(xs),), {"x": xs[:, None]})
+    assert bad == -1
+    with mpmath.workdps(60):
+        references = [getattr(mpmath, name)(mpmath.mpf(float(x))) for x in xs]
+    assert ulps(found["y"][:, 0], references).max() <= 1.0
+
+
+def power_arguments(rng):
+    """Results over the whole range, from bases of any size, from bases next to 1, and subnormal ones."""
+    wide, near, root = 10.0 ** rng.uniform(-307, 307, 3000), 1 + rng.normal(size=3000) * 1e-5, rng.uniform(0.1, 10, 6000)
+    whole = rng.integers(-30, 30, 2000)
+    return np.concatenate(
+        [
+            np.stack([wide, rng.uniform(-1, 1, 3000)], 1),
+            np.stack([near, rng.uniform(-6e6, 6e6, 3000)], 1),
+            np.stack([root, rng.uniform(-300, 300, 6000)], 1),
+            np.stack([-rng.uniform(0.1, 10, 2000), whole], 1),
+            np.stack([rng.uniform(2, 3, 500), rng.uniform(-900, -700, 500)], 1),
+            [[5e-324, 0.5], [1e-310, -0.9], [2.0, 1023.9999], [2.0, -1074.0], [1.0, 1e300], [10.0, 308.0], [0.9999999999999999, 1e18]],
+        ]
+    )
+
+
+def test_pow_within_one_ulp():
+    xs = power_arguments(np.random.default_rng(4))
+    with mpmath.workdps(60):
+        references = [mpmath.mpf(float(x)) ** mpmath.mpf(float(y)) for x, y in xs]
+        kept = np.array([abs(float(r)) < np.inf for r in references])
+    found, bad = kernel(arithmetic.power, 2)((kept.sum(),), {"x": xs[kept]})
+    assert bad == -1
+    assert kept.sum() > 14000
+    with mpmath.workdps(60):
+        assert ulps(found["y"][:, 0], [r for r, k in zip(references, kept, strict=True) if k]).max() <= 1.0
+
+
+SPECIAL = [0.0, -0.0, 1.0, -1.0, 2.0, -2.0, 0.5, -0.5, 3.0, 1e300, -1e300, 1e-310, 5e-324, 2.0**53 + 2, 746.0, -746.0, 0.1]
+SPECIAL += [np.inf, -np.inf, np.nan, 710.0]
+
+
+@pytest.mark.parametrize("name", ["exp", "log", "tanh", "sign", "expm1", "log1p", "arctan", "absolute"])
+def test_special_cases_are_numpys(name):
+    k = kernel(getattr(np, name))
+    for x in SPECIAL:
+        agrees(k, np.array([x]), getattr(np, name))
+
+
+@pytest.mark.parametrize("name", ["power", "minimum", "maximum", "arctan2", "less", "less_equal", "equal", "not_equal", "greater"])
+def test_special_pairs_are_numpys(name):
+    k = kernel(lambda x, y: 1.0 * getattr(np, name)(x, y), 2)
+    for x in SPECIAL:
+        for y in SPECIAL:
+            if name == "power" and y == 0.5:  # NumPy takes the square root, where C's pow(−∞, ½) is ∞ and pow(−0, ½) is 0
+                continue
+            if name in ("minimum", "maximum") and x == y == 0:  # NumPy takes either zero
+                continue
+            agrees(k, np.array([x, y]), lambda a, b: 1.0 * getattr(np, name)(a, b))
+
+
+def test_special_pairs_where_numpy_differs():
+    """Annex F of C99 for pow; −0 below 0 for minimum and maximum, in whichever order."""
+    for name, x, y, expected in (
+        ("power", -np.inf, 0.5, np.inf),
+        ("power", -0.0, 0.5, 0.0),
+        ("minimum", 0.0, -0.0, -0.0),
+        ("minimum", -0.0, 0.0, -0.0),
+        ("maximum", 0.0, -0.0, 0.0),
+        ("maximum", -0.0, 0.0, 0.0),
+    ):
+        agrees(kernel(getattr(arithmetic, name), 2), np.array([x, y]), lambda a, b, expected=expected: expected)
+
+
+def agrees(k, xs, reference):
+    """Scalar code, every lane, and NumPy: the same special value with the same sign, or the same number within 1 ulp."""
+    with np.errstate(all="ignore"):
+        expected = float(reference(*xs))
+    one, many = k((1,), {"x": xs})[0]["y"], k((8,), {"x": xs})[0]["y"]
+    assert np.array_equal(np.repeat(one, 8, 0), many, equal_nan=True)
+    assert np.array_equal(np.signbit(np.repeat(one, 8, 0)), np.signbit(many)) or np.isnan(expected)
+    y = float(one[0, 0])
+    assert (np.isnan(y) and np.isnan(expected)) or y == expected or abs(y - expected) <= np.spacing(abs(expected)), (xs, y, expected)
+    assert np.isnan(expected) or np.signbit(y) == np.signbit(expected)
+
+
+FLOATS = {
+    "exp": (-5, 5),
+    "log": (0.1, 9),
+    "tanh": (-3, 3),
+    "tan": (-1.5, 1.5),
+    "arcsin": (-1, 1),
+    "arccos": (-1, 1),
+    "arctan": (-9, 9),
+    "sinh": (-3, 3),
+    "cosh": (-3, 3),
+    "expm1": (-1, 1),
+    "log1p": (-0.9, 3),
+    "sign": (-1, 1),
+    "sqrt": (0, 9),
+    "sin": (-9, 9),
+    "cos": (-9, 9),
+    "arctan2": (-9, 9),
+    "power": (0.1, 9),
+    "minimum": (-1, 1),
+    "maximum": (-1, 1),
+}
+
+
+@pytest.mark.parametrize("name", FLOATS)
+def test_one_name_for_three_arithmetics(name):
+    """float64, 50 digits and traced: one function of `arithmetic`, the same numbers up to a few roundings of each library."""
+    function, rng = getattr(arithmetic, name), np.random.default_rng(5)
+    n = 2 if name in ("arctan2", "power", "minimum", "maximum") else 1
+    xs = rng.uniform(*FLOATS[name], (40, n))
+    floats = function(*xs.T)
+    assert floats.dtype == float
+    with mpmath.workdps(50):
+        digits = function(*arithmetic.exact(xs).T)
+    found, bad = kernel(function, n)((40,), {"x": xs})
+    assert bad == -1
+    assert all(isinstance(y, mpmath.mpf) for y in digits)
+    for values in (floats, found["y"][:, 0]):
+        assert ulps(values, digits).max() <= 4
+
+
+@pytest.mark.parametrize("convert", [np.asarray, arithmetic.exact])
+def test_choices_in_float64_and_50_digits(convert):
+    xs = convert(np.array([-2.0, -0.5, 0.0, 0.5, 2.0]))
+    inside = arithmetic.logical_and(arithmetic.less_equal(-1.0, xs), arithmetic.less(xs, 1.0))
+    assert [float(x) for x in arithmetic.where(inside, xs, 9.0)] == [9.0, -0.5, 0.0, 0.5, 9.0]
+    outside = arithmetic.logical_or(arithmetic.logical_not(inside), arithmetic.equal(xs, 0.0))
+    assert [bool(c) for c in outside] == [True, False, True, False, True]
+    assert [float(x) for x in arithmetic.clip(xs, -1.0, 1.0)] == [-1.0, -0.5, 0.0, 0.5, 1.0]
+
+
+@pytest.mark.parametrize("name", ["sin", "cos", "sqrt", "exp", "log", "tanh", "arctan", "log1p"])
 def test_scalar_and_vector_code_give_the_same_bits(name):
     rng = np.random.default_rng(2)
-    xs = rng.uniform(0.01, 20, 101) if name in ("sqrt", "log") else rng.uniform(-20, 20, 101)
+    xs = rng.uniform(0.01, 20, 101) if name in ("sqrt", "log", "log1p") else rng.uniform(-20, 20, 101)
     k = kernel(getattr(np, name))
     together, _ = k((101,), {"x": xs[:, None]})
     alone = [k((1,), {"x": np.array([x])})[0]["y"].item() for x in xs]

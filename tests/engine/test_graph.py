@@ -49,6 +49,23 @@ def test_the_same_operation_is_one_node(xy):
         lambda x, y: ((-x).sin(), -(x.sin())),
         lambda x, y: ((-x).cos(), x.cos()),
         lambda x, y: (abs(-x), abs(x)),
+        lambda x, y: (np.tanh(-x), -np.tanh(x)),
+        lambda x, y: (np.minimum(x, x), x),
+        lambda x, y: (np.maximum(x, y), np.maximum(y, x)),
+        lambda x, y: (np.where(x > y, x, x), x),
+        lambda x, y: (np.where(y < x, x, y), np.where(x > y, x, y)),
+        lambda x, y: (np.where(~(x > y), x, y), np.where(x > y, y, x)),
+        lambda x, y: (np.where(x < x, x, y), y),
+        lambda x, y: (np.where((x < y) & True, x, y), np.where(x < y, x, y)),
+        lambda x, y: (np.where((x < y) | (x * 0.0 < 1.0), x, y), x),
+        lambda x, y: (np.where((x < y) & (y < y), x, y), y),
+        lambda x, y: (np.where((x == y) & (y == x), x, y), np.where(x == y, x, y)),
+        lambda x, y: (np.where(x != y, x, y), np.where(x == y, y, x)),
+        lambda x, y: (x**3, x * (x * x)),
+        lambda x, y: (x**-2, 1.0 / (x * x)),
+        lambda x, y: (x**0, 1.0),
+        lambda x, y: (x**0.5, np.sqrt(x)),
+        lambda x, y: (np.power(x, 2), x * x),
     ],
 )
 def test_folds(xy, fold):
@@ -125,3 +142,38 @@ def test_guards_and_what_is_not_finite_are_reported():
     xs[70] = 0.0
     assert kernel((100,), {"x": xs})[1] >= 0
     assert kernel((1,), {"x": xs[70]})[1] == 0
+
+
+def test_a_comparison_has_no_truth_value_and_scalars_stay_hashable(xy):
+    _, x, y = xy
+    for condition in (x < y, x == y, (x < y) & (y < 1.0), ~(x != 2.0)):
+        with pytest.raises(TypeError, match=r"truth value.*np\.where"):
+            bool(condition)
+    with pytest.raises(TypeError, match="zeros_like"):
+        np.zeros(2)[0] = x
+    assert len({x, y, x}) == 2
+    assert (x == None) is False  # noqa: E711
+
+
+def choices(x, y):
+    """An expression of every condition and choice, for floats and traced numbers alike."""
+    inside = (x > -0.5) & (y <= 0.5) | ~(x < y)
+    a = np.where(inside, x * y, np.maximum(x, y))
+    b = np.where((a >= 0.1) & (x != y), np.minimum(a, 0.3), np.clip(y, -0.2, 0.2))
+    return a + b * (x < 0.3) + np.sign(y) - (y > 0.1) * 2.0
+
+
+def test_conditions_cross_the_borders_of_pieces(monkeypatch):
+    """A program cut into pieces of three operations keeps its conditions in slots."""
+    rng = np.random.default_rng(1)
+    xs = rng.normal(size=(41, 2))
+    graph = Graph()
+    y = choices(*graph.inputs("x", (2,)))
+    code = program(graph, {"x": 2}, {"y": np.array([y], dtype=object)})
+    whole, bad = Kernel(code)((41,), {"x": xs})
+    assert bad == -1
+    assert np.allclose(whole["y"][:, 0], choices(*xs.T), rtol=1e-15, atol=1e-15)
+    monkeypatch.setattr("robodyn.engine.emit.PIECE", 3)
+    cut, bad = Kernel(code)((41,), {"x": xs})
+    assert bad == -1
+    assert np.array_equal(cut["y"], whole["y"])
