@@ -137,17 +137,19 @@ class Evaluator:
 
     # --- integration ---
 
-    def evolution(self, formalism: str, *, semi_implicit: bool = False) -> Program:
+    def evolution(self, formalism: str, *, semi_implicit: bool = False, held: bool = False) -> Program:
         """dx = ẋ of x = (β, η, w) at ("t", 1), ("x", nq + nv + 1).
 
         semi_implicit: β̇ belongs to the velocity after a step of ("h", 1), so that Euler's explicit step becomes the semi-implicit one.
+        held: joint forces ("held", nv) act beside the loads.
         """
         refuse_impossible(self.robot, self.views().lumped.tree)
         graph, nq, nv = Graph(), self.robot.nq, self.robot.nv
-        sizes = {"t": 1, "x": nq + nv + 1} | ({"h": 1} if semi_implicit else {})
+        sizes = {"t": 1, "x": nq + nv + 1} | ({"h": 1} if semi_implicit else {}) | ({"held": nv} if held else {})
         arrays = {name: graph.inputs(name, (n,)) for name, n in sizes.items()}
         q, v = arrays["x"][:nq], arrays["x"][nq : nq + nv]
-        answer = Evolution(self.cheapest if formalism == "auto" else formalism).answer(self.views(), arrays["t"][0], q, v, np.zeros(nv))
+        question, tau = Evolution(self.cheapest if formalism == "auto" else formalism), arrays.get("held", np.zeros(nv))
+        answer = question.answer(self.views(), arrays["t"][0], q, v, tau)
         qdot, vdot, power = (np.asarray(answer.values[name]) for name in ("qdot", "vdot", "power"))
         if semi_implicit:
             qdot = self.views().lumped.rate(q, v + vdot * arrays["h"])

@@ -178,7 +178,7 @@ def test_springs_store_what_they_take():
 
 def test_only_springs_are_conservative():
     assert {name for name, load in LOADS.items() if load.conservative} == {"JointSpring"}
-    assert set(LOADS) == {"ControlLaw", "JointDamping", "JointForce", "JointFriction", "JointSpring", "LinkWrench"}
+    assert set(LOADS) == {"ControlLaw", "JointDamping", "JointForce", "JointFriction", "JointSpring", "LinkWrench", "Sampled"}
 
 
 def test_loads_add_up():

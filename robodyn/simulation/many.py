@@ -89,7 +89,8 @@ def simulate_many(
     def block(first: int) -> None:
         """One vector of trajectories; beyond the last state, the last again."""
         rows = np.minimum(np.arange(first, first + width), len(q) - 1)
-        run = native.Run(advance, x0[rows].T, t0, t_end, wanted, settings)
+        run = native.Run(advance, x0[rows].T, t0, wanted, settings)
+        run.head_for(t_end)
         while (status := run.slice()) != DONE:
             if status > 1:
                 bad = next(
