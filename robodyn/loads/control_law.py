@@ -3,6 +3,7 @@
 import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -10,6 +11,11 @@ from ..arithmetic import Array, is_exact
 from ..errors import InputError, ModelError
 from ..model import Mechanism
 from .base import Load, State
+
+_ROBODYN = Path(__file__).parents[1]
+_INSTEAD = (
+    "rd.Sampled(law, dt) runs it as it is, as a digital controller asked once per period; backend='numpy' asks it at every evaluation"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,16 +36,17 @@ class ControlLaw(Load):
         try:
             tau, again = (np.asarray(self.law(state.t, state.q, state.v), dtype=object) for _ in range(2))  # type: ignore[arg-type]
         except Exception as error:
-            own = getattr(getattr(self.law, "__code__", None), "co_filename", None)
-            frames = [f for f in traceback.extract_tb(error.__traceback__) if f.filename == own]
-            where = f" at {frames[-1].filename}:{frames[-1].lineno}, `{frames[-1].line}`" if frames else ""
+            frames = [f for f in traceback.extract_tb(error.__traceback__) if not Path(f.filename).is_relative_to(_ROBODYN)]
+            # The user's own last line, not one of a library that it called; a library's where the law is one.
+            own = [f for f in frames if f.line and "site-packages" not in Path(f.filename).parts] or frames
+            where = f" at {own[-1].filename}:{own[-1].lineno}, `{own[-1].line}`" if own else ""
             raise InputError(
                 f"the control law cannot be compiled{where}: {error}. Write it with arithmetic and NumPy functions such as np.tanh, "
-                "without branches on values; or run it uncompiled with backend='numpy'"
+                f"without branches on values; or {_INSTEAD}"
             ) from error
         # Compiled, its first answer would hold for ever.
         if [getattr(x, "number", x) for x in tau.flat] != [getattr(x, "number", x) for x in again.flat]:
-            raise InputError("the control law answers the same call differently each time: it has a memory. Run it with backend='numpy'")
+            raise InputError(f"the control law answers the same call differently each time: it has a memory. {_INSTEAD}")
         if tau.shape != (state.mechanism.nv,):
             raise InputError(f"the control law returned an array of shape {tau.shape}: it must be ({state.mechanism.nv},)")
         return tau
