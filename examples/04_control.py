@@ -13,7 +13,7 @@ ROBOTS = Path(__file__).parents[1] / "robots"
 
 robot = rd.load(ROBOTS / "ur5e.urdf")
 start, target = np.array([0.0, -1.2, 1.5, 0.0, 0.5, 0.0]), np.array([0.6, -1.0, 1.2, 0.3, 0.8, 0.4])
-stiffness, damping = np.array([600, 900, 500, 60, 60, 20]), np.array([80, 120, 60, 4, 4, 1])
+stiffness, damping = np.array([600, 900, 500, 60, 60, 1]), np.array([80, 120, 60, 4, 4, 0.02])
 
 
 # Written with NumPy functions, a law of time and state is traced into the compiled equations: it acts at every instant.
