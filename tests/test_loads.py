@@ -419,6 +419,13 @@ def test_the_answer_of_a_control_law_must_fit(answer, shape):
         scene.forward_dynamics(c.q, c.v)
 
 
+@pytest.mark.parametrize("fault", [lambda: 1 / 0, lambda: np.linalg.inv(np.zeros((2, 2)))])
+def test_a_control_law_that_divides_by_zero_is_not_taken_for_a_singular_robot(fault):
+    scene = rd.Scene(case(3, n=3).robot, loads=[rd.ControlLaw(lambda t, q, v: fault())])
+    with pytest.raises(rd.InputError, match=r"control law raised (ZeroDivisionError|LinAlgError) at t=0.5"):
+        scene.forward_dynamics(*case(3, n=3).robot.random_state(np.random.default_rng(0)), t=0.5, backend="numpy")
+
+
 def test_a_control_law_that_is_no_function_is_refused():
     with pytest.raises(rd.InputError, match="ControlLaw"):
         rd.Scene(case(3, n=3).robot, loads=[rd.ControlLaw(5.0)])

@@ -62,7 +62,10 @@ class ControlLaw(Load):
         q, v = (np.broadcast_to(x, (*batch, x.shape[-1])) for x in (q, v))
         tau = np.empty((*batch, nv))
         for i in np.ndindex(batch):
-            answer = np.asarray(self.law(float(t[i]), q[i], v[i]), dtype=float)
+            try:
+                answer = np.asarray(self.law(float(t[i]), q[i], v[i]), dtype=float)
+            except (ZeroDivisionError, np.linalg.LinAlgError) as error:  # would be taken for singular equations of motion
+                raise InputError(f"the control law raised {type(error).__name__} at t={float(t[i])}: {error}") from error
             if answer.shape != (nv,):
                 raise InputError(f"the control law returned an array of shape {answer.shape} at t={float(t[i])}: it must be ({nv},)")
             tau[i] = answer

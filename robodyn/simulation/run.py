@@ -128,7 +128,14 @@ class _Integration:
         """ẋ (nx,)."""
         self.counts["evaluations"] += 1
         nq, nv = self.scene.robot.nq, self.scene.robot.nv
-        got = self.scene.evaluator.ask(Evolution(self.formalism), backend, t=t, q=x[:nq], v=x[nq : nq + nv], tau=self.sampling.held)
+        try:
+            got = self.scene.evaluator.ask(Evolution(self.formalism), backend, t=t, q=x[:nq], v=x[nq : nq + nv], tau=self.sampling.held)
+        except ModelError:
+            raise
+        except Exception as error:
+            if backend == "native":  # what cannot be compiled is no matter of the time
+                raise
+            raise SimulationError(f"a load failed at t={t:.9g} s: {type(error).__name__}: {error}") from error
         return np.concatenate([got["qdot"], got["vdot"], got["power"].reshape(1)])
 
     def spans(self) -> Iterator[tuple[float, float]]:
@@ -238,7 +245,8 @@ def _finished(scene: Scene, found: Found, sampling: Sampling, formalism: str, ba
 def output_times(t0: float, t_end: float, fps: float | None, times: Sequence[float] | Array | None) -> Array | None:
     """Ascending times with t_end as the last; None: every step."""
     if times is not None:
-        t = inputs.array("times", times, np.size(times), "one entry per time")
+        t, same = np.array(inputs.array("times", times, np.size(times), "one entry per time")), resolution(t0, t_end)
+        t[abs(t - t0) <= same], t[abs(t - t_end) <= same] = t0, t_end  # 3 · 0.1 is 0.3
         if t.ndim != 1 or not len(t) or (np.diff(t) <= 0).any() or t[0] < t0 or t[-1] > t_end:
             raise InputError(f"times must ascend within [{t0:g}, {t_end:g}]")
         return t if t[-1] == t_end else np.append(t, t_end)

@@ -8,6 +8,7 @@ import numpy as np
 from ..arithmetic import Array
 
 RightHandSide = Callable[[float, Array], Array]  # ẋ = Ψ(x, t)
+EPS = float(np.finfo(float).eps)
 Projection = Callable[[Array], Array]  # x with its Euler parameters at unit length
 
 
@@ -24,7 +25,7 @@ class Step:
 
 def resolution(t0: float, t_end: float) -> float:
     """Times closer than this [s] are one: sums such as t0 + k dt, and the user's own, are a few roundings off."""
-    return 32 * float(np.finfo(float).eps) * max(abs(t0), abs(t_end))
+    return 32 * EPS * max(abs(t0), abs(t_end))
 
 
 def step_count(t0: float, t_end: float, dt: float) -> int:
