@@ -269,6 +269,27 @@ def test_a_law_may_keep_and_change_what_it_is_given(backend):
     assert run.u[:, 0].tolist() == [1.0, 2.0, 3.0, 3.0]
 
 
+@BOTH
+def test_what_is_held_is_a_copy(backend):
+    """The one law's array, written to by the other in between."""
+    shared = np.array([1.0])
+
+    def fast(t, q, v):
+        shared[:] += 10.0
+        return np.zeros(1)
+
+    scene = rd.Scene(slide(), loads=[rd.Sampled(lambda t, q, v: shared, 0.4), rd.Sampled(fast, 0.1)])
+    run = rd.simulate(scene, t_end=0.8, times=[0.0, 0.15, 0.35, 0.45, 0.75], backend=backend)
+    assert run.u[:, 0].tolist() == [1.0, 1.0, 1.0, 41.0, 41.0, 41.0]
+
+
+@pytest.mark.parametrize("t_end", [0.5, np.nextafter(0.5, 1), np.nextafter(0.5, 0)])
+def test_an_end_that_is_an_instant_up_to_rounding_is_not_sampled(t_end):
+    law = Recorder()
+    rd.simulate(rd.Scene(slide(), loads=[rd.Sampled(law, 0.1)]), t_end=t_end)
+    assert len(law.calls) == 5
+
+
 @pytest.mark.parametrize("method", ["dop853", "rk45", "radau"])
 @BOTH
 def test_the_step_size_survives_a_sample(method, backend):
