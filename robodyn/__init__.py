@@ -26,7 +26,7 @@ _PUBLIC = {
     "Trajectory": "simulation",
     "Trajectories": "simulation",
     "loads": "loads",
-    **dict.fromkeys(("ControlLaw", "JointDamping", "JointForce", "JointFriction", "JointSpring", "LinkWrench"), "loads"),
+    **dict.fromkeys(("ControlLaw", "JointDamping", "JointForce", "JointFriction", "JointSpring", "LinkWrench", "Sampled"), "loads"),
     **dict.fromkeys(
         ("RobodynError", "UrdfError", "ModelError", "InputError", "SimulationError", "FileError", "MissingPackageError", "RobodynWarning"),
         "errors",
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from . import loads
     from .errors import FileError, InputError, MissingPackageError, ModelError, RobodynError, RobodynWarning, SimulationError, UrdfError
     from .formalism.reactions import Reactions
-    from .loads import ControlLaw, JointDamping, JointForce, JointFriction, JointSpring, LinkWrench
+    from .loads import ControlLaw, JointDamping, JointForce, JointFriction, JointSpring, LinkWrench, Sampled
     from .random import random_robot
     from .robot import Robot, load
     from .scene import Scene

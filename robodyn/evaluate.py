@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
 from importlib.util import find_spec
+from typing import Any
 
 import numpy as np
 from numpy.typing import DTypeLike
@@ -42,6 +43,7 @@ class Evaluator:
         # Kernels are traced on the float64 equations: their constants are float64.
         self._views = {backend: Views(robot, gravity, loads, backend) for backend in ("numpy", "mpmath")}
         self._kernels: dict[tuple[Question, np.dtype], Kernel] = {}
+        self.step_loops: dict[tuple, Any] = {}  # compiled integrators, by what `simulation.native` compiles them for
         self._lock = threading.Lock()
 
     def views(self, backend: str = "numpy") -> Views:
@@ -188,19 +190,20 @@ class Evaluator:
 
     # --- integration ---
 
-    def evolution(self, formalism: str, *, semi_implicit: bool = False) -> Program | Looped:
+    def evolution(self, formalism: str, *, semi_implicit: bool = False, held: bool = False) -> Program | Looped:
         """dx = ẋ of x = (β, η, w) at ("t", 1), ("x", nq + nv + 1).
 
         semi_implicit: β̇ belongs to the velocity after a step of ("h", 1), so that Euler's explicit step becomes the semi-implicit one.
+        held: joint forces ("held", nv) act beside the loads.
         """
         refuse_impossible(self.robot, self.views().lumped.tree)
         formalism = self.cheapest if formalism == "auto" else formalism
         graph = Recorder() if self.loops and formalism == "recursive" else Graph()
         views, nq, nv = LoopedViews(self.views(), graph) if isinstance(graph, Recorder) else self.views(), self.robot.nq, self.robot.nv
-        sizes = {"t": 1, "x": nq + nv + 1} | ({"h": 1} if semi_implicit else {})
+        sizes = {"t": 1, "x": nq + nv + 1} | ({"h": 1} if semi_implicit else {}) | ({"held": nv} if held else {})
         arrays = {name: graph.inputs(name, (n,)) for name, n in sizes.items()}
-        q, v = arrays["x"][:nq], arrays["x"][nq : nq + nv]
-        answer = Evolution(formalism).answer(views, arrays["t"][0], q, v, np.zeros(nv))
+        q, v, tau = arrays["x"][:nq], arrays["x"][nq : nq + nv], arrays.get("held", np.zeros(nv))
+        answer = Evolution(formalism).answer(views, arrays["t"][0], q, v, tau)
         qdot, vdot, power = (np.asarray(answer.values[name]) for name in ("qdot", "vdot", "power"))
         if semi_implicit:
             qdot = views.lumped.rate(q, v + vdot * arrays["h"])

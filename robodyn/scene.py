@@ -11,10 +11,10 @@ from . import inputs, questions
 from .algebra import frozen
 from .arithmetic import Array
 from .equations import FORMALISMS, Equations
-from .errors import InputError
+from .errors import InputError, ModelError
 from .evaluate import DEFAULT, Evaluator
 from .formalism.reactions import FRAMES, PARTS, Reactions
-from .loads import JointDamping, JointFriction, Load
+from .loads import JointDamping, JointFriction, Load, Sampled
 from .model import Mechanism
 
 EARTH = (0.0, 0.0, -9.81)
@@ -65,9 +65,35 @@ class Scene:
         return (*self.loads, *declared)
 
     @cached_property
+    def sampled(self) -> tuple[Sampled, ...]:
+        """The loads that are digital controllers: no functions of the state, and so no part of the equations."""
+        return tuple(load for load in self.loads if isinstance(load, Sampled))
+
+    @cached_property
     def evaluator(self) -> Evaluator:
-        """What answers: the formalism's equations, and kernels compiled from them."""
-        return Evaluator(self.robot, np.asarray(self.gravity), self.all_loads)
+        """What answers: the formalism's equations, and kernels compiled from them. What `sampled` holds is given to it as tau."""
+        return Evaluator(self.robot, np.asarray(self.gravity), tuple(x for x in self.all_loads if not isinstance(x, Sampled)))
+
+    def _answered(self, t: float, q: object, v: object, backend: str) -> Array | None:
+        """What the sampled controllers answer at time t and states q, v: (..., nv); None where there are none."""
+        if not self.sampled:
+            return None
+        if backend == "mpmath":
+            raise ModelError("a Sampled is a Python function of float64 arrays: it cannot run with backend='mpmath'")
+        q, v = inputs.checked(self.robot, {"q": q, "v": v}).values()
+        tau = np.zeros(v.shape)
+        for i in np.ndindex(v.shape[:-1]):
+            for load in self.sampled:
+                tau[i] += load.forces(self.robot, t, q[i], v[i])
+        return tau
+
+    def _supplied(self, t: float, q: object, v: object, tau: object, backend: str) -> object:
+        """tau, and what the sampled controllers add to it."""
+        answered = self._answered(t, q, v, backend)
+        if answered is None or tau is None:
+            return tau if answered is None else answered
+        arrays = inputs.checked(self.robot, {"tau": tau, "v": answered})
+        return arrays["tau"] + arrays["v"]
 
     def equations(self, backend: str = "numpy", *, opened: bool = False) -> Equations:
         """The scene's equations in one arithmetic: links on fixed joints lumped, or `opened` at every joint to show its reaction."""
@@ -99,8 +125,9 @@ class Scene:
         formalism: "recursive", "nonrecursive", "saddle_joint" or "saddle_body", the routes of M̂ η̇ = k̂ and eqs. (18), (19); "auto" takes
         the one with the fewest operations. The saddle-point routes are oracles and always run on NumPy.
         """
-        question = questions.ForwardDynamics(inputs.choice("formalism", formalism, FORMALISMS))
-        return self.evaluator.ask(question, backend, t=inputs.number("t", t), threads=threads, dtype=dtype, q=q, v=v, tau=tau)["vdot"]
+        question, t = questions.ForwardDynamics(inputs.choice("formalism", formalism, FORMALISMS)), inputs.number("t", t)
+        tau = self._supplied(t, q, v, tau, backend)
+        return self.evaluator.ask(question, backend, t=t, threads=threads, dtype=dtype, q=q, v=v, tau=tau)["vdot"]
 
     # --- what it takes and carries ---
 
@@ -108,9 +135,10 @@ class Scene:
         self, q, v, a, *, t: float = 0.0, backend: str = DEFAULT, threads: int | None = None, dtype: DTypeLike = np.float64
     ) -> Array:
         """tau (..., nv) [N m, N] that the joints must supply, beside the loads, for the acceleration a (..., nv)."""
-        return self.evaluator.ask(
-            questions.InverseDynamics(), backend, t=inputs.number("t", t), threads=threads, dtype=dtype, q=q, v=v, a=a
-        )["tau"]
+        t = inputs.number("t", t)
+        tau = self.evaluator.ask(questions.InverseDynamics(), backend, t=t, threads=threads, dtype=dtype, q=q, v=v, a=a)["tau"]
+        answered = self._answered(t, q, v, backend)
+        return tau if answered is None else (tau - answered).astype(tau.dtype)
 
     def bias_forces(
         self, q, v, *, t: float = 0.0, backend: str = DEFAULT, threads: int | None = None, dtype: DTypeLike = np.float64
@@ -146,9 +174,9 @@ class Scene:
         indices = self._joints(joints)
         options = inputs.choice("frame", frame, FRAMES), inputs.choice("part", part, PARTS), indices
         question = questions.JointReactions(inputs.choice("formalism", formalism, FORMALISMS), *options)
-        wrenches = self.evaluator.ask(question, backend, t=inputs.number("t", t), threads=threads, dtype=dtype, q=q, v=v, tau=tau)[
-            "wrenches"
-        ]
+        t = inputs.number("t", t)
+        tau = self._supplied(t, q, v, tau, backend)
+        wrenches = self.evaluator.ask(question, backend, t=t, threads=threads, dtype=dtype, q=q, v=v, tau=tau)["wrenches"]
         return Reactions(tuple(self.robot.all_joint_names[i] for i in indices), wrenches, frame, part)
 
     def reactions_of(

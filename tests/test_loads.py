@@ -178,7 +178,7 @@ def test_springs_store_what_they_take():
 
 def test_only_springs_are_conservative():
     assert {name for name, load in LOADS.items() if load.conservative} == {"JointSpring"}
-    assert set(LOADS) == {"ControlLaw", "JointDamping", "JointForce", "JointFriction", "JointSpring", "LinkWrench"}
+    assert set(LOADS) == {"ControlLaw", "JointDamping", "JointForce", "JointFriction", "JointSpring", "LinkWrench", "Sampled"}
 
 
 def test_loads_add_up():
@@ -463,6 +463,13 @@ def test_the_answer_of_a_control_law_must_fit(answer, shape):
         scene.forward_dynamics(c.q, c.v, t=0.5, backend="numpy")
     with pytest.raises(rd.InputError, match=rf"control law returned an array of shape {shape}.*it must be \({c.robot.nv},\)"):
         scene.forward_dynamics(c.q, c.v)
+
+
+@pytest.mark.parametrize("fault", [lambda: 1 / 0, lambda: np.linalg.inv(np.zeros((2, 2)))])
+def test_a_control_law_that_divides_by_zero_is_not_taken_for_a_singular_robot(fault):
+    scene = rd.Scene(case(3, n=3).robot, loads=[rd.ControlLaw(lambda t, q, v: fault())])
+    with pytest.raises(rd.InputError, match=r"control law raised (ZeroDivisionError|LinAlgError) at t=0.5"):
+        scene.forward_dynamics(*case(3, n=3).robot.random_state(np.random.default_rng(0)), t=0.5, backend="numpy")
 
 
 def test_a_control_law_that_is_no_function_is_refused():

@@ -93,7 +93,7 @@ def test_every_class_that_a_scene_can_hold():
         joint = kind.from_axis(np.array([1.0, 2.0, 3.0]))
         assert_same(joint, round_trip(joint))
     values = {"JointSpring": {"stiffness": {"a": 1.0}}, "LinkWrench": {"link": "a"}, "JointForce": {"values": {"a": 1.0}}}
-    for name in set(LOADS) - {"ControlLaw"}:
+    for name in set(LOADS) - {"ControlLaw", "Sampled"}:
         load = LOADS[name](**values.get(name, {"coefficients": {"a": (1.0, 2.0, 3.0)}}))
         assert_same(load, round_trip(load))
     for shape in (Box((1.0, 2.0, 3.0)), Cylinder(0.1, 0.2), Sphere(0.3), Mesh("package://a/b.stl", None, (1.0, -1.0, 2.0))):
@@ -123,7 +123,8 @@ def test_arrays():
 
 
 def test_what_no_text_can_hold():
-    for value in (lambda x: x, object(), {1, 2}, 1j, rd.ControlLaw(lambda t, q, v: v), b"bytes", dataclasses.make_dataclass("Own", [])()):
+    laws = rd.ControlLaw(lambda t, q, v: v), rd.Sampled(lambda t, q, v: v, 0.1)
+    for value in (lambda x: x, object(), {1, 2}, 1j, *laws, b"bytes", dataclasses.make_dataclass("Own", [])()):
         with pytest.raises(TypeError, match="cannot be written"):
             to_json(value)
 

@@ -38,13 +38,14 @@ class Method:
     errors: tuple[Array, ...] = ()  # weights (s + 1,) of the error: none for equal steps, one, or DOP853's pair (order 5, order 3)
     extra_a: Array | None = None  # further stages (m, s + 1 + m) for dense output
     extra_c: Array | None = None
-    dense: Array | None = None  # DOP853's interpolation weights; None: cubic Hermite
+    dense: Array | None = None  # weights of the derivatives (…, s + 1 + m) in the terms of dense output beyond cubic Hermite
 
 
 def module(method: Method, rhs: Program | Looped, project: Program | None, lanes: int) -> str:
-    """IR text with `i64 @advance(ptr header, ptr x, ptr k, ptr times, i64 ntimes, ptr out, i64 budget)`.
+    """IR text with `i64 @advance(ptr header, ptr x, ptr k, ptr held, ptr times, i64 ntimes, ptr out, i64 budget)`.
 
-    header: see HEADER. x: nx entries; k: room for `room(…)` entries; out: ntimes × nx. An entry is a double, or `lanes` of them.
+    header: see HEADER. x: nx entries; k: room for `room(…)` entries; held: the rhs's input of that name, where it has one;
+    out: ntimes × nx. An entry is a double, or `lanes` of them.
     """
     return _Writer(method, rhs, project, Type(lanes)).text()
 
@@ -72,7 +73,7 @@ class _Writer:
     def text(self) -> str:
         programs = [part.program for part in (self.f, self.project) if part]
         self._advance()
-        arrays = ", ".join(f"ptr noalias %{name}" for name in ("header", "x", "k", "times"))
+        arrays = ", ".join(f"ptr noalias %{name}" for name in ("header", "x", "k", "held", "times"))
         head = f"define i64 @advance({arrays}, i64 %ntimes, ptr noalias %out, i64 %budget) nounwind"
         lines = [*emit.prologue(self.t, *programs), "declare double @llvm.pow.f64(double, double)"]
         if self.t.lanes > 1:
@@ -185,6 +186,9 @@ class _Writer:
             place = f"getelementptr {t.float}, ptr %k, i64 {start}" if self.large else f"alloca {t.float}, i64 {size}, align {8 * t.lanes}"
             c.allocations.append(f"  {name} = {place}")
             start += size
+        for i in range(self.f.program.inputs.get("held", 0)):
+            held = c.get(t.float, c.at(t.float, "%held", i))
+            c.set(t.float, c.at(t.float, self.fs, self.f.slots["in", "held", 0] + i), held)
 
         # The first derivative, once.
         with c.when(c.value(f"fcmp oeq double {self.number('started')}, {_hex(0.0)}")):
@@ -321,7 +325,7 @@ class _Writer:
             with c.when(at_end):
                 self.each(lambda j: self.store(self.load(self.xnew, j), row, j))
             with c.when(c.value(f"xor i1 {at_end}, true")):
-                if self.m.dense is not None:
+                if self.m.extra_a is not None:
                     with c.when(c.value(f"icmp eq i1 {c.get('i1', prepared)}, false")):
                         self._extra_stages(t_old, h)
                         c.set("i1", prepared, "true")

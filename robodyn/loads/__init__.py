@@ -7,9 +7,10 @@ from .joint_force import JointForce
 from .joint_friction import JointFriction
 from .joint_spring import JointSpring
 from .link_wrench import LinkWrench
+from .sampled import Sampled
 
 LOADS: dict[str, type[Load]] = {
-    load.__name__: load for load in (ControlLaw, JointDamping, JointForce, JointFriction, JointSpring, LinkWrench)
+    load.__name__: load for load in (ControlLaw, JointDamping, JointForce, JointFriction, JointSpring, LinkWrench, Sampled)
 }
 
-__all__ = ["LOADS", "ControlLaw", "JointDamping", "JointForce", "JointFriction", "JointSpring", "LinkWrench", "Load", "State"]
+__all__ = ["LOADS", "ControlLaw", "JointDamping", "JointForce", "JointFriction", "JointSpring", "LinkWrench", "Load", "Sampled", "State"]

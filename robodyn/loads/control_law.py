@@ -3,6 +3,7 @@
 import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -11,6 +12,11 @@ from ..dispatch import symbols
 from ..errors import InputError, ModelError
 from ..model import Mechanism
 from .base import Load, State
+
+_ROBODYN = Path(__file__).parents[1]
+_INSTEAD = (
+    "rd.Sampled(law, dt) runs it as it is, as a digital controller asked once per period; backend='numpy' asks it at every evaluation"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,16 +40,17 @@ class ControlLaw(Load):
         try:
             tau, again = (np.asarray(self.law(state.t, q, v), dtype=object) for _ in range(2))  # type: ignore[arg-type]
         except Exception as error:
-            own = getattr(getattr(self.law, "__code__", None), "co_filename", None)
-            frames = [f for f in traceback.extract_tb(error.__traceback__) if f.filename == own]
-            where = f" at {frames[-1].filename}:{frames[-1].lineno}, `{frames[-1].line}`" if frames else ""
+            frames = [f for f in traceback.extract_tb(error.__traceback__) if not Path(f.filename).is_relative_to(_ROBODYN)]
+            # The user's own last line, not one of a library that it called; a library's where the law is one.
+            own = [f for f in frames if f.line and "site-packages" not in Path(f.filename).parts] or frames
+            where = f" at {own[-1].filename}:{own[-1].lineno}, `{own[-1].line}`" if own else ""
             raise InputError(
                 f"the control law cannot be compiled{where}: {error}. Write it with arithmetic and NumPy functions such as np.tanh, "
-                "without branches on values; or run it uncompiled with backend='numpy'"
+                f"without branches on values; or {_INSTEAD}"
             ) from error
         # Compiled, its first answer would hold for ever.
         if [getattr(x, "number", x) for x in tau.flat] != [getattr(x, "number", x) for x in again.flat]:
-            raise InputError("the control law answers the same call differently each time: it has a memory. Run it with backend='numpy'")
+            raise InputError(f"the control law answers the same call differently each time: it has a memory. {_INSTEAD}")
         if tau.shape != (state.mechanism.nv,):
             raise InputError(f"the control law returned an array of shape {tau.shape}: it must be ({state.mechanism.nv},)")
         return tau
@@ -59,7 +66,10 @@ class ControlLaw(Load):
         q, v = (np.broadcast_to(x, (*batch, x.shape[-1])) for x in (q, v))
         tau = np.empty((*batch, nv))
         for i in np.ndindex(batch):
-            answer = np.asarray(self.law(float(t[i]), q[i], v[i]), dtype=float)
+            try:
+                answer = np.asarray(self.law(float(t[i]), q[i], v[i]), dtype=float)
+            except (ZeroDivisionError, np.linalg.LinAlgError) as error:  # would be taken for singular equations of motion
+                raise InputError(f"the control law raised {type(error).__name__} at t={float(t[i])}: {error}") from error
             if answer.shape != (nv,):
                 raise InputError(f"the control law returned an array of shape {answer.shape} at t={float(t[i])}: it must be ({nv},)")
             tau[i] = answer

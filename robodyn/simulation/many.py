@@ -61,9 +61,15 @@ def simulate_many(
 
     method: "rk4" or "semi_implicit_euler", steps of at most dt [s]. Results at fps frames per second, or at `times`; fps=None: the end.
     Each result has the same bits as `simulate` gives for that state alone. Ctrl-C stops between slices of work and raises.
-    Raises InputError for bad arguments, SimulationError naming the trajectory that cannot go on.
+    Raises InputError for bad arguments and for a scene with a `Sampled` law, SimulationError naming the trajectory that cannot go on.
     """
     scene = scene if isinstance(scene, Scene) else Scene(scene)
+    if scene.sampled:
+        raise InputError(
+            "simulate_many cannot share a Sampled law among trajectories: it may remember. Give each a law of its own: "
+            "[rd.simulate(rd.Scene(robot, loads=[rd.Sampled(new_law(), dt)]), q0=q, t_end=…) for q in q0]; "
+            "or write it as a rd.ControlLaw"
+        )
     names = [name for name, integrator in METHODS.items() if integrator.tableau and not integrator.adaptive]
     inputs.choice("method", method, names)
     inputs.choice("formalism", formalism, [f for f in FORMALISMS if f not in SADDLES])
@@ -89,7 +95,8 @@ def simulate_many(
     def block(first: int) -> None:
         """One vector of trajectories; beyond the last state, the last again."""
         rows = np.minimum(np.arange(first, first + width), len(q) - 1)
-        run = native.Run(advance, x0[rows].T, t0, t_end, wanted, settings)
+        run = native.Run(advance, x0[rows].T, t0, wanted, settings)
+        run.head_for(t_end)
         while (status := run.slice()) != DONE:
             if status > 1:
                 bad = next(

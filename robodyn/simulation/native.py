@@ -14,67 +14,97 @@ from ..evaluate import Evaluator
 from .methods import METHODS
 from .step import step_count
 
+_PLACE = {name: i for i, name in enumerate(integrate.HEADER)}
 SLICE = 0.05  # seconds of native code between two looks at the keyboard
 
 
 @dataclass(frozen=True, eq=False)
 class Advance:
-    """A compiled integrator for one scene: nx numbers per state, `lanes` states side by side."""
+    """A compiled integrator for one scene: nx numbers per state, `lanes` states side by side, each under nheld held forces."""
 
     function: Callable[..., int]
     room: int
     nx: int
+    nheld: int
     lanes: int
     adaptive: bool
 
 
-def compiled(evaluator: Evaluator, method: str, formalism: str, lanes: int) -> Advance:
-    """The integrator of a scene; compiled when first asked for, then from the cache on disk."""
+def compiled(evaluator: Evaluator, method: str, formalism: str, lanes: int, *, held: bool = False) -> Advance:
+    """The integrator of a scene, under held joint forces or not; compiled when first asked for, then from the cache on disk."""
     integrator = METHODS[method]
     assert integrator.tableau is not None
     tableau = integrator.tableau()
-    rhs = evaluator.evolution(formalism, semi_implicit=integrator.semi_implicit)
-    loaded = load(integrate.module(tableau, rhs, evaluator.projection(), lanes), rhs.tables)
-    function = loaded.function("advance", *[ctypes.c_void_p] * 4, ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64)
-    function.owner = loaded  # the code lives as long as the function
-    return Advance(function, integrate.room(tableau, rhs, evaluator.projection()), rhs.inputs["x"], lanes, integrator.adaptive)
+    key = (method, formalism, lanes, held)
+    if key not in evaluator.step_loops:
+        rhs = evaluator.evolution(formalism, semi_implicit=integrator.semi_implicit, held=held)
+        project = evaluator.projection()
+        loaded = load(integrate.module(tableau, rhs, project, lanes), rhs.tables)
+        function = loaded.function("advance", *[ctypes.c_void_p] * 5, ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64)
+        function.owner = loaded  # the code lives as long as the function
+        room = integrate.room(tableau, rhs, project)
+        evaluator.step_loops[key] = Advance(function, room, rhs.inputs["x"], rhs.inputs.get("held", 0), lanes, integrator.adaptive)
+    return evaluator.step_loops[key]
 
 
 class Run:
-    """One integration, from x0 (nx, lanes) at t0 to t_end, with results at `times`."""
+    """An integration from x0 (nx, lanes) at t0, with results at `times`: `head_for` an end, then `slice` until it is reached."""
 
-    def __init__(self, advance: Advance, x0: Array, t0: float, t_end: float, times: Array, settings: dict[str, float]) -> None:
-        self._advance, self._times = advance, np.ascontiguousarray(times, dtype=float)
-        n = step_count(t0, t_end, settings["dt"])
-        h = settings["first_step"] if advance.adaptive else (t_end - t0) / n
-        values = {"t": t0, "h": h, "t0": t0, "t_end": t_end, "count": n, "rtol": settings["rtol"], "atol": settings["atol"]}
+    def __init__(self, advance: Advance, x0: Array, t0: float, times: Array, settings: dict[str, float]) -> None:
+        self._advance, self._times, self._dt = advance, np.ascontiguousarray(times, dtype=float), settings["dt"]
+        values = {"t": t0, "t0": t0, "t_end": t0, "rtol": settings["rtol"], "atol": settings["atol"]}
         self._header = np.array([values.get(name, 0.0) for name in integrate.HEADER])
         self._x = _aligned((advance.nx, advance.lanes))
         self._x[:] = x0
         self._k = _aligned((advance.room, advance.lanes))
+        self._held = _aligned((advance.nheld, advance.lanes))
         self._out = _aligned((len(times), advance.nx, advance.lanes))
-        self._budget = 64
+        self._budget, self._steps = 64, 0
+        arrays = (self._header, self._x, self._k, self._held, self._times)
+        self._arguments = (*(x.ctypes.data for x in arrays), len(times), self._out.ctypes.data)
         # Outputs at the start are the start.
         while self._number("next") < len(times) and times[int(self._number("next"))] <= t0:
             self._out[int(self._number("next"))] = self._x
-            self._header[integrate.HEADER.index("next")] += 1
+            self._put("next", self._number("next") + 1)
 
     def _number(self, name: str) -> float:
-        return float(self._header[integrate.HEADER.index(name)])
+        return float(self._header[_PLACE[name]])
+
+    def _put(self, name: str, value: float) -> None:
+        self._header[_PLACE[name]] = value
+
+    def head_for(self, t_end: float, *, h: float | None = None, held: Array | None = None) -> None:
+        """Go on from the time reached to t_end, under held forces (nheld,).
+
+        h: the first step of an adaptive method. Where none is given it keeps the one it had; equal steps divide the way.
+        """
+        if held is not None:
+            self._held[:] = held[:, None]
+        t = self._number("t")
+        self._put("t0", t)
+        self._put("t_end", t_end)
+        self._put("started", 0.0)  # the derivative jumps with the held forces
+        self._steps += int(self._number("steps"))
+        self._put("steps", 0.0)
+        if not self._advance.adaptive:
+            n = step_count(t, t_end, self._dt)
+            self._put("count", n)
+            h = (t_end - t) / n
+        if h is not None:
+            self._put("h", h)
 
     def slice(self) -> int:
         """Some steps more, for about SLICE seconds; what `advance` returned."""
         started = time.perf_counter()
-        pointers = [x.ctypes.data for x in (self._header, self._x, self._k, self._times)]
-        status = self._advance.function(*pointers, len(self._times), self._out.ctypes.data, self._budget)
-        took = time.perf_counter() - started
-        self._budget = int(np.clip(self._budget * SLICE / max(took, 1e-6), 1, 4 * self._budget))
+        status = self._advance.function(*self._arguments, self._budget)
+        if status == integrate.PAUSED:
+            took = time.perf_counter() - started
+            self._budget = int(np.clip(self._budget * SLICE / max(took, 1e-6), 1, 4 * self._budget))
         return status
 
     def step(self) -> int:
         """One attempt at a step."""
-        self._budget = 1
-        return self.slice()
+        return self._advance.function(*self._arguments, 1)
 
     @property
     def t(self) -> float:
@@ -94,7 +124,8 @@ class Run:
     @property
     def counts(self) -> dict[str, int]:
         """Steps, rejected steps, evaluations."""
-        return {name: int(self._number(name)) for name in ("steps", "rejected", "evaluations")}
+        counts = {name: int(self._number(name)) for name in ("steps", "rejected", "evaluations")}
+        return counts | {"steps": self._steps + counts["steps"]}
 
 
 def _aligned(shape: tuple[int, ...]) -> Array:

@@ -19,7 +19,9 @@ from ..questions import Evolution, Result
 from ..scene import Scene
 from . import native
 from .methods import METHODS
+from .sampling import Sampling
 from .scipy_steps import too_small
+from .step import resolution
 from .trajectory import Trajectory
 
 MOST_FRAMES = 1e8  # results of one trajectory: beyond this memory runs out first
@@ -51,6 +53,7 @@ def simulate(
     method: adaptive "dop853" (order 8), "rk45" (order 5), and for stiff scenes "radau", "bdf", "lsoda" (SciPy's): error per step within
     atol + rtol |x|, atol = rtol if not given; or equal steps of at most dt [s]: "rk4", "semi_implicit_euler". Results at fps frames per
     second, or at `times` (n,) [s] within [t0, t_end], or with fps=None at every step; t_end is always the last.
+    A step ends wherever a `Sampled` controller is asked; `a` and `u` are those under the forces it held.
     backend: "native" (the step loop is compiled) or "numpy". progress: True for a bar on the terminal, or a function of the share done.
 
     Ctrl-C returns what has been computed, with a warning; `trajectory.completed` is then False.
@@ -101,7 +104,7 @@ def simulate(
         "wall_time": time.perf_counter() - started,
         "completed": integration.reached == t_end,
     }
-    trajectory = _finished(scene, integration.found, formalism, backend, stats)
+    trajectory = _finished(scene, integration.found, integration.sampling, formalism, backend, stats)
     if failure is None and len(trajectory.t) < len(integration.found):
         failure = SimulationError(f"after t={trajectory.t[-1]:.6g} s the states mean nothing: the integration is unstable. Reduce dt")
     if failure is not None:
@@ -116,16 +119,29 @@ class _Integration:
     def __init__(self, scene: Scene, t0: float, t_end: float, x0: Array, method: str, formalism: str, settings: dict[str, float]) -> None:
         self.scene, self.t0, self.t_end, self.x0 = scene, t0, t_end, x0
         self.method, self.formalism, self.settings = method, formalism, settings
+        self.sampling = Sampling(scene, t0, t_end)
         self.found: Found = []
-        self.reached = t0
+        self.reached, self.x = t0, x0
         self.counts = {"steps": 0, "rejected": 0, "evaluations": 0}
 
     def rhs(self, t: float, x: Array, backend: str) -> Array:
         """ẋ (nx,)."""
         self.counts["evaluations"] += 1
         nq, nv = self.scene.robot.nq, self.scene.robot.nv
-        got = self.scene.evaluator.ask(Evolution(self.formalism), backend, t=t, q=x[:nq], v=x[nq : nq + nv], tau=None)
+        try:
+            got = self.scene.evaluator.ask(Evolution(self.formalism), backend, t=t, q=x[:nq], v=x[nq : nq + nv], tau=self.sampling.held)
+        except ModelError:
+            raise
+        except Exception as error:
+            if backend == "native":  # what cannot be compiled is no matter of the time
+                raise
+            raise SimulationError(f"a load failed at t={t:.9g} s: {type(error).__name__}: {error}") from error
         return np.concatenate([got["qdot"], got["vdot"], got["power"].reshape(1)])
+
+    def spans(self) -> Iterator[tuple[float, float]]:
+        """Start and end of each span of time that is integrated without a break."""
+        nq, nv = self.scene.robot.nq, self.scene.robot.nv
+        return self.sampling.spans(lambda: (self.x[:nq], self.x[nq : nq + nv]))
 
     def project(self, x: Array) -> Array:
         """x with its Euler parameters at unit length."""
@@ -145,45 +161,47 @@ class _Integration:
                 dx[:nq] = self.scene.equations().rate(x[:nq], v_new)
             return dx
 
-        h = (self.t_end - self.t0) / native.step_count(self.t0, self.t_end, self.settings["dt"])
-        for step in METHODS[self.method].steps(f, self.t0, self.x0, self.t_end, self.project, **self.settings):
-            self.counts["steps"] += 1
-            if wanted is None:
-                self.found.append((step.t, step.x))
-            else:
-                inside = wanted[(wanted > step.t_old) & (wanted < step.t)]
-                if len(inside):
-                    self.found += [(float(t), self.project(x)) for t, x in zip(inside, step.between(inside), strict=True)]
-                if step.t in wanted:
+        first_step = None
+        for start, end in self.spans():
+            h = (end - start) / native.step_count(start, end, self.settings["dt"])
+            for step in METHODS[self.method].steps(f, start, self.x, end, self.project, first_step=first_step, **self.settings):
+                self.counts["steps"] += 1
+                if wanted is None:
                     self.found.append((step.t, step.x))
-            self.reached = step.t
-            report((step.t - self.t0) / (self.t_end - self.t0))
+                else:
+                    inside = wanted[(wanted > step.t_old) & (wanted < step.t)]
+                    if len(inside):
+                        self.found += [(float(t), self.project(x)) for t, x in zip(inside, step.between(inside), strict=True)]
+                    if step.t in wanted:
+                        self.found.append((step.t, step.x))
+                self.reached, self.x, first_step = step.t, step.x, step.h
+                report((step.t - self.t0) / (self.t_end - self.t0))
 
     def run_natively(self, wanted: Array | None, backend: str, report: Progress) -> None:
         """Steps in native code, a slice of time between two looks at the keyboard."""
-        advance = native.compiled(self.scene.evaluator, self.method, self.formalism, lanes=1)
-        settings = self.settings | {"first_step": self._first_step(advance, backend) if advance.adaptive else 0.0}
-        times = np.zeros(0) if wanted is None else wanted
-        run = native.Run(advance, self.x0[:, None], self.t0, self.t_end, times, settings)
+        advance = native.compiled(self.scene.evaluator, self.method, self.formalism, lanes=1, held=bool(self.sampling))
+        run = native.Run(advance, self.x0[:, None], self.t0, np.zeros(0) if wanted is None else wanted, self.settings)
+        self.x = run.x[:, 0]
         if wanted is None:
             self.found.append((self.t0, self.x0))
-        evaluations = self.counts["evaluations"]
         try:
-            status = None
-            while status != DONE:
-                before = run.t
-                status = run.step() if wanted is None else run.slice()
-                if wanted is None and run.t > before:
-                    self.found.append((run.t, run.x[:, 0].copy()))
-                self.reached = run.t
-                report((run.t - self.t0) / (self.t_end - self.t0))
-                if status == STEP_TOO_SMALL:
-                    raise SimulationError(too_small(run.t))
-                if status == NOT_FINITE:
-                    self._name_the_cause(run)
+            for start, end in self.spans():
+                h = self._first_step(backend) if advance.adaptive and start == self.t0 else None
+                run.head_for(end, h=h, held=self.sampling.held)
+                status = None
+                while status != DONE:
+                    before = run.t
+                    status = run.step() if wanted is None else run.slice()
+                    if wanted is None and run.t > before:
+                        self.found.append((run.t, run.x[:, 0].copy()))
+                    self.reached = run.t
+                    report((run.t - self.t0) / (self.t_end - self.t0))
+                    if status == STEP_TOO_SMALL:
+                        raise SimulationError(too_small(run.t))
+                    if status == NOT_FINITE:
+                        self._name_the_cause(run)
         finally:
-            self.counts = run.counts
-            self.counts["evaluations"] += evaluations
+            self.counts = run.counts | {"evaluations": run.counts["evaluations"] + self.counts["evaluations"]}
             if wanted is not None:
                 self.found = [(float(t), x[:, 0].copy()) for t, x in zip(wanted, run.results, strict=False)]
 
@@ -195,7 +213,7 @@ class _Integration:
             "reduce dt, or look for loads that grow without bound"
         )
 
-    def _first_step(self, advance: native.Advance, backend: str) -> float:
+    def _first_step(self, backend: str) -> float:
         """Hairer, Nørsett, Wanner, Solving ODEs I, section II.4: a step that a crude Euler step finds safe."""
         rtol, atol, span = self.settings["rtol"], self.settings["atol"], self.t_end - self.t0
         order = METHODS[self.method].tableau().order  # type: ignore[misc]
@@ -208,26 +226,27 @@ class _Integration:
         return min(100 * h0, h1, span)
 
 
-def _finished(scene: Scene, found: Found, formalism: str, backend: str, stats: dict[str, Any]) -> Trajectory:
+def _finished(scene: Scene, found: Found, sampling: Sampling, formalism: str, backend: str, stats: dict[str, Any]) -> Trajectory:
     """The trajectory of the times and states found, with accelerations and joint forces evaluated at them."""
     nq, nv = scene.robot.nq, scene.robot.nv
     t = np.array([t for t, _ in found])
     x = np.array([x for _, x in found]).reshape(-1, nq + nv + 1)
     q, v, work = x[:, :nq], x[:, nq : nq + nv], x[:, nq + nv]
     try:
-        got = scene.evaluator.ask(Result(formalism), backend, t=t, q=q, v=v, tau=None)
+        got = scene.evaluator.ask(Result(formalism), backend, t=t, q=q, v=v, tau=sampling.at(t))
     except ModelError:
         # The last states may be what the integration failed at: keep what comes before them.
         if len(found) <= 1:
             raise
-        return _finished(scene, found[: max(1, len(found) * 9 // 10)], formalism, backend, stats | {"completed": False})
+        return _finished(scene, found[: max(1, len(found) * 9 // 10)], sampling, formalism, backend, stats | {"completed": False})
     return Trajectory(scene=scene, t=t, q=q, v=v, a=got["vdot"], u=got["u"], work=work, stats=stats)
 
 
 def output_times(t0: float, t_end: float, fps: float | None, times: Sequence[float] | Array | None) -> Array | None:
     """Ascending times with t_end as the last; None: every step."""
     if times is not None:
-        t = inputs.array("times", times, np.size(times), "one entry per time")
+        t, same = np.array(inputs.array("times", times, np.size(times), "one entry per time")), resolution(t0, t_end)
+        t[abs(t - t0) <= same], t[abs(t - t_end) <= same] = t0, t_end  # 3 · 0.1 is 0.3
         if t.ndim != 1 or not len(t) or (np.diff(t) <= 0).any() or t[0] < t0 or t[-1] > t_end:
             raise InputError(f"times must ascend within [{t0:g}, {t_end:g}]")
         return t if t[-1] == t_end else np.append(t, t_end)
@@ -238,7 +257,7 @@ def output_times(t0: float, t_end: float, fps: float | None, times: Sequence[flo
     if not (t_end - t0) * fps < MOST_FRAMES:
         raise InputError(f"{(t_end - t0) * fps:.3g} results are too many to keep: reduce fps={fps:g}, or give the times you need")
     frames = np.arange(int(np.ceil((t_end - t0) * fps * (1 - 1e-12)))) / fps + t0
-    return np.append(frames, t_end)
+    return np.append(frames[frames < t_end - resolution(t0, t_end)], t_end)
 
 
 @contextmanager
@@ -254,5 +273,12 @@ def _reporter(progress: bool | Progress) -> Iterator[Progress]:
     from rich.progress import Progress as Bar
 
     with Bar(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("simulating", total=1.0)
-        yield lambda share: bar.update(task, completed=share)
+        task, shown = bar.add_task("simulating", total=1.0), 0.0
+
+        def show(share: float) -> None:
+            nonlocal shown
+            if share >= min(1.0, shown + 0.001):  # thousands of samples need no thousands of pictures
+                bar.update(task, completed=share)
+                shown = share
+
+        yield show

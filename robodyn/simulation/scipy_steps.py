@@ -10,15 +10,28 @@ from ..errors import SimulationError
 from .step import Projection, RightHandSide, Step
 
 
-def scipy_steps(name: str) -> Callable[..., Iterator[Step]]:
-    """Steps of `scipy.integrate.<name>`, with its error control and its interpolant."""
+def scipy_steps(name: str, *, multistep: bool = False) -> Callable[..., Iterator[Step]]:
+    """Steps of `scipy.integrate.<name>`, with its error control and its interpolant.
+
+    multistep: it starts with small steps of low order, so that the step of an earlier span is of no use to it.
+    """
 
     def steps(
-        f: RightHandSide, t0: float, x0: Array, t_end: float, project: Projection, *, rtol: float, atol: float, **_: object
+        f: RightHandSide,
+        t0: float,
+        x0: Array,
+        t_end: float,
+        project: Projection,
+        *,
+        rtol: float,
+        atol: float,
+        first_step: float | None = None,
+        **_: object,
     ) -> Iterator[Step]:
         import scipy.integrate
 
-        solver: Any = getattr(scipy.integrate, name)(f, t0, x0, t_end, rtol=rtol, atol=atol)
+        h = None if multistep else first_step
+        solver: Any = getattr(scipy.integrate, name)(f, t0, x0, t_end, rtol=rtol, atol=atol, first_step=h and min(h, t_end - t0))
         explicit = hasattr(solver, "f") and hasattr(solver, "A")  # Runge-Kutta: no memory beyond the last derivative
         while solver.status == "running":
             message = solver.step()
@@ -32,7 +45,9 @@ def scipy_steps(name: str) -> Callable[..., Iterator[Step]]:
                 return interpolant(np.asarray(times)).T
 
             x = project(solver.y)
-            yield Step(float(solver.t_old), float(solver.t), x, between)
+            if not multistep:  # the end of the span may have cut the last step short
+                h = max(h or 0.0, float(solver.h_abs)) if solver.t == t_end else float(solver.h_abs)
+            yield Step(float(solver.t_old), float(solver.t), x, between, h)
             if explicit and not np.array_equal(x, solver.y):
                 solver.y, solver.f = x, f(solver.t, x)
 

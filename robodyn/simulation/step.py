@@ -8,6 +8,7 @@ import numpy as np
 from ..arithmetic import Array
 
 RightHandSide = Callable[[float, Array], Array]  # ẋ = Ψ(x, t)
+EPS = float(np.finfo(float).eps)
 Projection = Callable[[Array], Array]  # x with its Euler parameters at unit length
 
 
@@ -19,11 +20,17 @@ class Step:
     t: float
     x: Array  # (nx,)
     between: Callable[[Array], Array]  # times (k,) within the step → states (k, nx)
+    h: float | None = None  # the step that error control would take next, whatever the end of the span; None: start anew
+
+
+def resolution(t0: float, t_end: float) -> float:
+    """Times closer than this [s] are one: sums such as t0 + k dt, and the user's own, are a few roundings off."""
+    return 32 * EPS * max(abs(t0), abs(t_end))
 
 
 def step_count(t0: float, t_end: float, dt: float) -> int:
     """How many equal steps of at most dt the time span takes; a span that dt divides up to rounding takes no extra one."""
-    return max(1, int(np.ceil((t_end - t0) / dt * (1 - 1e-12))))
+    return max(1, int(np.ceil((t_end - t0 - resolution(t0, t_end)) / dt * (1 - 1e-12))))
 
 
 def equal_steps(t0: float, t_end: float, dt: float) -> Iterator[tuple[float, float, float]]:

@@ -2,4 +2,4 @@
 
 from .scipy_steps import scipy_steps
 
-radau, bdf, lsoda = scipy_steps("Radau"), scipy_steps("BDF"), scipy_steps("LSODA")
+radau, bdf, lsoda = scipy_steps("Radau"), scipy_steps("BDF", multistep=True), scipy_steps("LSODA", multistep=True)

@@ -15,7 +15,7 @@ from ..arithmetic import Array
 from ..errors import FileError, InputError, MissingPackageError, RobodynWarning
 from ..files import atomic_write, make_folder, writable
 from ..formalism.reactions import Reactions
-from ..loads import ControlLaw
+from ..loads import ControlLaw, Sampled
 from ..questions import Energies
 from ..scene import Scene
 
@@ -77,14 +77,14 @@ class Trajectory:
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write everything to an .npz file: the states and the scene they belong to.
 
-        A ControlLaw is a function and cannot be stored: a warning says so, and its recorded forces are kept.
+        A ControlLaw or Sampled is a function and cannot be stored: a warning says so, and its recorded forces are kept.
         """
         from ..records import to_json
 
         writable(path)
-        kept = tuple(load for load in self.scene.loads if not isinstance(load, ControlLaw))
-        if len(kept) < len(self.scene.loads):
-            warnings.warn("a ControlLaw cannot be stored: the file keeps its forces, not its function", RobodynWarning, stacklevel=2)
+        kept = tuple(load for load in self.scene.loads if not isinstance(load, (ControlLaw, Sampled)))
+        for name in sorted({type(load).__name__ for load in self.scene.loads if load not in kept}):
+            warnings.warn(f"a {name} cannot be stored: the file keeps its forces, not its function", RobodynWarning, stacklevel=2)
         buffer = io.BytesIO()
         try:
             scene, stats = to_json(replace(self.scene, loads=kept)), json.dumps(self.stats)

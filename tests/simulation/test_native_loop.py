@@ -1,10 +1,14 @@
 """The step loop in native code against the same methods in Python, and trajectories side by side in SIMD lanes."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from tools import case
 
 import robodyn as rd
+
+BACKENDS = ("native", "numpy")
 
 
 @pytest.fixture(scope="module")
@@ -98,9 +102,49 @@ def test_a_law_that_branches_is_told_where():
         return -q if q[0] > 0 else q
 
     scene = rd.Scene(rd.load(rods()), loads=[rd.ControlLaw(law)])
-    with pytest.raises(rd.InputError, match=r"test_native_loop\.py:\d+, `return -q if q\[0\] > 0 else q`.*backend='numpy'"):
+    where = r"test_native_loop\.py:\d+, `return -q if q\[0\] > 0 else q`"
+    with pytest.raises(rd.InputError, match=where + r".*rd\.Sampled\(law, dt\).*backend='numpy'"):
         rd.simulate(scene, t_end=0.1)
+    # Both ways out lead on.
     assert rd.simulate(scene, t_end=0.1, q0=[0.2], backend="numpy").completed
+    assert rd.simulate(rd.Scene(scene.robot, loads=[rd.Sampled(law, 0.01)]), t_end=0.1, q0=[0.2]).completed
+
+
+class Switch:
+    """A law that is an object, and lets a method decide."""
+
+    def __call__(self, t, q, v):
+        return self.side(q) * v
+
+    def side(self, q):
+        return 1.0 if float(q[0]) > 0 else -1.0
+
+
+@pytest.mark.parametrize("law", [Switch(), partial(Switch.__call__, Switch()), Switch().__call__], ids=["object", "partial", "method"])
+def test_the_line_is_the_last_of_the_users_own(law):
+    scene = rd.Scene(rd.load(rods()), loads=[rd.ControlLaw(law)])
+    with pytest.raises(rd.InputError, match=r"test_native_loop\.py:\d+, `return 1\.0 if float\(q\[0\]\) > 0 else -1\.0`"):
+        rd.simulate(scene, t_end=0.1)
+
+
+def test_the_line_is_not_one_of_a_library():
+    from scipy.spatial.transform import Rotation
+
+    def law(t, q, v):
+        return Rotation.from_rotvec([q[0], 0, 0]).as_rotvec()[:1]
+
+    scene = rd.Scene(rd.load(rods()), loads=[rd.ControlLaw(law)])
+    with pytest.raises(rd.InputError, match=r"test_native_loop\.py:\d+, `return Rotation\.from_rotvec"):
+        rd.simulate(scene, t_end=0.1)
+
+
+@pytest.mark.parametrize("method", ["rk45", "dop853"])
+def test_states_between_steps_are_as_good_as_the_steps(moving, method):
+    """Dense output in native code is SciPy's: no cubic that is coarser than the error control."""
+    scene, q, v = moving
+    reference = rd.simulate(scene, t_end=0.5, q0=q, v0=v, rtol=1e-13)
+    errors = [abs(rd.simulate(scene, t_end=0.5, q0=q, v0=v, method=method, rtol=1e-9, backend=b).q - reference.q).max() for b in BACKENDS]
+    assert errors[0] < 2 * errors[1] + 1e-10  # not the same steps: the first is guessed on its own
 
 
 def rods():

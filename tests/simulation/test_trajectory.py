@@ -746,7 +746,36 @@ def test_an_error_on_the_way_carries_what_had_been_computed(method):
     assert trajectory.reactions().array.shape[0] == len(trajectory.t)
 
 
+@pytest.mark.parametrize("method", ["dop853", "rk4", "radau"])
+@pytest.mark.parametrize(
+    ("fault", "cause"), [(lambda: 1 / 0, rd.InputError), (lambda: np.zeros(2), rd.InputError), (lambda: [][0], IndexError)]
+)
+def test_a_control_law_that_fails_on_the_way_leaves_what_had_been_computed(fault, cause, method):
+    """Uncompiled, it may do so at any evaluation: an hour of computing is not lost, and the law's own exception is there."""
+    scene = rd.Scene(slide(), loads=[rd.ControlLaw(lambda t, q, v: [2.0] if t < 0.5 else fault())])
+    with pytest.raises(rd.SimulationError, match=rf"load failed at t=0\.\d+ s: {cause.__name__}") as caught:
+        rd.simulate(scene, t_end=1.0, method=method, dt=0.05, fps=100, backend="numpy")
+    assert isinstance(caught.value.__cause__, cause)
+    trajectory = caught.value.trajectory
+    assert len(trajectory.t) > 1
+    assert np.allclose(trajectory.q[:, 0], trajectory.t**2 / 2, rtol=0, atol=1e-8)
+    with pytest.raises(cause):
+        rd.simulate(scene, t0=0.6, t_end=1.0, backend="numpy")
+
+
 BOTH = pytest.mark.parametrize("backend", ["native", "numpy"])
+
+
+@BOTH
+def test_times_may_be_a_rounding_off(backend):
+    """3 · 0.1 > 0.3, and 1e6 + 0.1 is not as far from 1e6: neither is refused, and t_end comes once."""
+    run = rd.simulate(slide(), t_end=0.3, v0=[1.0], times=np.arange(4) * 0.1, backend=backend)
+    assert run.t.tolist() == [0.0, 0.1, 0.2, 0.3]
+    for t_end in (1e6 + 0.1, 1e6 + 0.7):
+        run = rd.simulate(slide(), t0=1e6, t_end=t_end, v0=[1.0], fps=60, backend=backend)
+        assert (np.diff(run.t) > 0.015).all()
+        assert (run.t[0], run.t[-1]) == (1e6, t_end)
+        assert np.allclose(run.q[:, 0], run.t - 1e6, rtol=0, atol=1e-9)
 
 
 @BOTH

@@ -1,0 +1,51 @@
+"""A digital controller: joint forces that are computed once per period and held in between."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..arithmetic import Array
+from ..errors import InputError
+from ..model import Mechanism
+from .base import Load
+
+
+@dataclass(frozen=True, eq=False)
+class Sampled(Load):
+    """`Sampled(law, dt=0.001)`: law(t, q (nq,), v (nv,)) returns tau (nv,) [N m, N], held from t until t + dt [s]: a zero-order hold.
+
+    A simulation calls the law once at t0, t0 + dt, t0 + 2 dt, … before t_end, in this order, on states that the motion passes through,
+    never on trial states. It is ordinary Python and is not compiled: it may branch, remember and print. q and v are copies, its to keep.
+    A question at one state (`Scene.forward_dynamics`, …) calls it there and then, and a law with a memory remembers that call too.
+    A mimic joint's coordinate is driven at its leader. Several at one instant are called in the order of the scene's loads.
+    """
+
+    law: Callable[[float, Array, Array], Array]
+    dt: float
+
+    def check(self, mechanism: Mechanism) -> None:
+        if not callable(self.law):
+            raise InputError(f"Sampled({self.law!r}): the law must be a function of (t, q, v) that returns tau ({mechanism.nv},)")
+        try:
+            dt = float(self.dt)
+        except (TypeError, ValueError):
+            dt = np.nan
+        if not 0 < dt < np.inf:
+            raise InputError(f"Sampled(…, dt={self.dt!r}): the period must be a positive, finite number of seconds")
+
+    def forces(self, mechanism: Mechanism, t: float, q: Array, v: Array) -> Array:
+        """What the law answers (nv,). InputError where that is no finite array of this shape; what the law itself raises, passes."""
+        answer = self.law(t, np.array(q), np.array(v))
+        try:
+            tau = np.array(answer, dtype=float)  # a copy: the law may go on to use its own
+        except (TypeError, ValueError):
+            tau = np.array(np.nan)
+        if tau.shape != (mechanism.nv,):
+            found = f"an array of shape {tau.shape}" if isinstance(answer, np.ndarray) else repr(answer)
+            raise InputError(f"the sampled control law returned {found} at t={t:.9g} s: it must be an array ({mechanism.nv},)")
+        if not np.isfinite(tau).all():
+            k = int(np.argmin(np.isfinite(tau)))
+            name = mechanism.coordinate_names()[1][k][0]
+            raise InputError(f"the sampled control law returned {tau[k]} for {name!r} at t={t:.9g} s: every force must be finite")
+        return tau
