@@ -179,7 +179,7 @@ class _Writer:
             c.allocations.append(f"  {self.ps} = alloca {t.float}, i64 {self.project.size}, {align}")
         for i in range(self.f.program.inputs.get("held", 0)):
             held = c.get(t.float, c.at(t.float, "%held", i))
-            c.set(t.float, c.at(t.float, self.fs, self.f.slots["in", "held", i]), held)
+            c.set(t.float, c.at(t.float, self.fs, self.f.slots["in", "held", 0] + i), held)
 
         # The first derivative, once.
         with c.when(c.value(f"fcmp oeq double {self.number('started')}, {_hex(0.0)}")):
