@@ -121,7 +121,8 @@ def steps_alone(subject: Subject, count: int = 5000) -> Job:
     x0, t_end = np.concatenate([q, v, [0.0]])[:, None], count * subject.settings.dt
 
     def run() -> None:
-        integration = native.Run(advance, x0, 0.0, t_end, np.array([t_end]), {"dt": subject.settings.dt, "rtol": 0.0, "atol": 0.0})
+        integration = native.Run(advance, x0, 0.0, np.array([t_end]), {"dt": subject.settings.dt, "rtol": 0.0, "atol": 0.0})
+        integration.head_for(t_end)
         while (status := integration.slice()) != DONE:
             if status > 1:
                 raise ModelError(f"the state stopped being finite at t={integration.t:g} s")

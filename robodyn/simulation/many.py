@@ -83,7 +83,7 @@ def simulate_many(
     q, v = (np.atleast_2d(x) for x in states.values())
     if q.ndim != 2:
         raise InputError(f"q0 and v0 have the leading dimensions {q.shape[:-1]}: give (N, nq) and (N, nv)")
-    scene.evaluator.ask(Result(formalism), "numpy", t=t0, q=q[:1], v=v[:1], tau=None)
+    inputs.unit_quaternions(scene.equations().side_conditions(q))
     x0 = np.hstack([scene.equations().project(q), v, np.zeros((len(q), 1))])
 
     width = lanes()

@@ -28,22 +28,29 @@ class Advance:
     nheld: int
     lanes: int
     adaptive: bool
+    order: int
+
+    def derivative(self, t: float, x: Array, held: Array | None = None) -> Array | None:
+        """ẋ (nx,) of one state (nx,) under held forces (nheld,), in a code of one lane; None where it is not to be trusted."""
+        run = Run(self, x[:, None], t, np.zeros(0), {"dt": 1.0, "rtol": 1.0, "atol": 1.0})
+        run.head_for(t + 1.0, h=1.0, held=held)
+        return None if run.step(budget=0) == integrate.NOT_FINITE else run.k[: self.nx, 0].copy()
 
 
 def compiled(evaluator: Evaluator, method: str, formalism: str, lanes: int, *, held: bool = False) -> Advance:
     """The integrator of a scene, under held joint forces or not; compiled when first asked for, then from the cache on disk."""
-    integrator = METHODS[method]
+    integrator, key = METHODS[method], (method, formalism, lanes, held)
     assert integrator.tableau is not None
-    tableau = integrator.tableau()
-    key = (method, formalism, lanes, held)
     if key not in evaluator.step_loops:
+        tableau = integrator.tableau()
         rhs = evaluator.evolution(formalism, semi_implicit=integrator.semi_implicit, held=held)
         project = evaluator.projection()
         loaded = load(integrate.module(tableau, rhs, project, lanes), rhs.tables)
         function = loaded.function("advance", *[ctypes.c_void_p] * 5, ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64)
         function.owner = loaded  # the code lives as long as the function
         room = integrate.room(tableau, rhs, project)
-        evaluator.step_loops[key] = Advance(function, room, rhs.inputs["x"], rhs.inputs.get("held", 0), lanes, integrator.adaptive)
+        nx, nheld = rhs.inputs["x"], rhs.inputs.get("held", 0)
+        evaluator.step_loops[key] = Advance(function, room, nx, nheld, lanes, integrator.adaptive, tableau.order)
     return evaluator.step_loops[key]
 
 
@@ -56,11 +63,11 @@ class Run:
         self._header = np.array([values.get(name, 0.0) for name in integrate.HEADER])
         self._x = _aligned((advance.nx, advance.lanes))
         self._x[:] = x0
-        self._k = _aligned((advance.room, advance.lanes))
+        self.k = _aligned((advance.room, advance.lanes))
         self._held = _aligned((advance.nheld, advance.lanes))
         self._out = _aligned((len(times), advance.nx, advance.lanes))
         self._budget, self._steps = 64, 0
-        arrays = (self._header, self._x, self._k, self._held, self._times)
+        arrays = (self._header, self._x, self.k, self._held, self._times)
         self._arguments = (*(x.ctypes.data for x in arrays), len(times), self._out.ctypes.data)
         # Outputs at the start are the start.
         while self._number("next") < len(times) and times[int(self._number("next"))] <= t0:
@@ -102,9 +109,9 @@ class Run:
             self._budget = int(np.clip(self._budget * SLICE / max(took, 1e-6), 1, 4 * self._budget))
         return status
 
-    def step(self) -> int:
-        """One attempt at a step."""
-        return self._advance.function(*self._arguments, 1)
+    def step(self, budget: int = 1) -> int:
+        """One attempt at a step; none, only the derivative at the start, with a budget of 0."""
+        return self._advance.function(*self._arguments, budget)
 
     @property
     def t(self) -> float:

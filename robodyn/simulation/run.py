@@ -4,6 +4,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -27,7 +28,6 @@ from .trajectory import Trajectory
 MOST_FRAMES = 1e8  # results of one trajectory: beyond this memory runs out first
 
 Progress = Callable[[float], None]  # called with the simulated share of the time span, 0…1
-Found = list[tuple[float, Array]]  # times and states
 
 
 def simulate(
@@ -78,11 +78,13 @@ def simulate(
     state = inputs.checked(scene.robot, {"q0": scene.robot.neutral() if q0 is None else q0, "v0": v0})
     if state["q0"].ndim != 1:
         raise InputError(f"q0 and v0 have the leading dimensions {state['q0'].shape[:-1]}: give one state, (nq,) and (nv,)")
-    scene.evaluator.ask(Result(formalism), "numpy", t=t0, q=state["q0"], v=state["v0"], tau=None)
+    inputs.unit_quaternions(scene.equations().side_conditions(state["q0"]))
     x0 = np.concatenate([scene.equations().project(state["q0"]), state["v0"], [0.0]])
-
     integration = _Integration(scene, t0, t_end, x0, method, formalism, {"rtol": rtol, "atol": atol, "dt": dt})
     in_native_code = backend == "native" and METHODS[method].tableau is not None and formalism not in SADDLES
+    if not (in_native_code and integration.can_start):
+        scene.evaluator.ask(Result(formalism), "numpy", t=t0, q=state["q0"], v=state["v0"], tau=None)
+
     started, failure = time.perf_counter(), None
     with _reporter(progress) as report:
         try:
@@ -104,8 +106,9 @@ def simulate(
         "wall_time": time.perf_counter() - started,
         "completed": integration.reached == t_end,
     }
-    trajectory = _finished(scene, integration.found, integration.sampling, formalism, backend, stats)
-    if failure is None and len(trajectory.t) < len(integration.found):
+    t, x = np.array(integration.times), np.array(integration.states).reshape(-1, len(x0))
+    trajectory = _finished(scene, t, x, integration.sampling, formalism, backend, stats)
+    if failure is None and len(trajectory.t) < len(t):
         failure = SimulationError(f"after t={trajectory.t[-1]:.6g} s the states mean nothing: the integration is unstable. Reduce dt")
     if failure is not None:
         failure.trajectory = trajectory  # type: ignore[assignment]
@@ -120,9 +123,25 @@ class _Integration:
         self.scene, self.t0, self.t_end, self.x0 = scene, t0, t_end, x0
         self.method, self.formalism, self.settings = method, formalism, settings
         self.sampling = Sampling(scene, t0, t_end)
-        self.found: Found = []
+        self.times: Sequence[float] | Array = []
+        self.states: Sequence[Array] | Array = []
         self.reached, self.x = t0, x0
         self.counts = {"steps": 0, "rejected": 0, "evaluations": 0}
+
+    @cached_property
+    def advance(self) -> native.Advance:
+        """The compiled step loop."""
+        return native.compiled(self.scene.evaluator, self.method, self.formalism, lanes=1, held=bool(self.sampling))
+
+    @property
+    def can_start(self) -> bool:
+        """Whether native code finds a derivative at the start, under no held forces."""
+        return self.advance.derivative(self.t0, self.x0) is not None
+
+    def keep(self, t: float, x: Array) -> None:
+        """One result more."""
+        self.times.append(t)  # type: ignore[union-attr]
+        self.states.append(x)  # type: ignore[union-attr]
 
     def rhs(self, t: float, x: Array, backend: str) -> Array:
         """ẋ (nx,)."""
@@ -151,7 +170,7 @@ class _Integration:
     def run_in_python(self, wanted: Array | None, backend: str, report: Progress) -> None:
         """Steps in Python, on a right-hand side of either backend."""
         if wanted is None or wanted[0] == self.t0:
-            self.found.append((self.t0, self.x0))
+            self.keep(self.t0, self.x0)
 
         def f(t: float, x: Array) -> Array:
             dx = self.rhs(t, x, backend)
@@ -167,33 +186,33 @@ class _Integration:
             for step in METHODS[self.method].steps(f, start, self.x, end, self.project, first_step=first_step, **self.settings):
                 self.counts["steps"] += 1
                 if wanted is None:
-                    self.found.append((step.t, step.x))
+                    self.keep(step.t, step.x)
                 else:
                     inside = wanted[(wanted > step.t_old) & (wanted < step.t)]
-                    if len(inside):
-                        self.found += [(float(t), self.project(x)) for t, x in zip(inside, step.between(inside), strict=True)]
+                    for t, x in zip(inside, step.between(inside), strict=True) if len(inside) else ():
+                        self.keep(float(t), self.project(x))
                     if step.t in wanted:
-                        self.found.append((step.t, step.x))
+                        self.keep(step.t, step.x)
                 self.reached, self.x, first_step = step.t, step.x, step.h
                 report((step.t - self.t0) / (self.t_end - self.t0))
 
     def run_natively(self, wanted: Array | None, backend: str, report: Progress) -> None:
         """Steps in native code, a slice of time between two looks at the keyboard."""
-        advance = native.compiled(self.scene.evaluator, self.method, self.formalism, lanes=1, held=bool(self.sampling))
+        advance = self.advance
         run = native.Run(advance, self.x0[:, None], self.t0, np.zeros(0) if wanted is None else wanted, self.settings)
         self.x = run.x[:, 0]
         if wanted is None:
-            self.found.append((self.t0, self.x0))
+            self.keep(self.t0, self.x0)
         try:
             for start, end in self.spans():
-                h = self._first_step(backend) if advance.adaptive and start == self.t0 else None
+                h = self._first_step() if advance.adaptive and start == self.t0 else None
                 run.head_for(end, h=h, held=self.sampling.held)
                 status = None
                 while status != DONE:
                     before = run.t
                     status = run.step() if wanted is None else run.slice()
                     if wanted is None and run.t > before:
-                        self.found.append((run.t, run.x[:, 0].copy()))
+                        self.keep(run.t, run.x[:, 0].copy())
                     self.reached = run.t
                     report((run.t - self.t0) / (self.t_end - self.t0))
                     if status == STEP_TOO_SMALL:
@@ -203,7 +222,7 @@ class _Integration:
         finally:
             self.counts = run.counts | {"evaluations": run.counts["evaluations"] + self.counts["evaluations"]}
             if wanted is not None:
-                self.found = [(float(t), x[:, 0].copy()) for t, x in zip(wanted, run.results, strict=False)]
+                self.times, self.states = wanted[: len(run.results)], run.results[:, :, 0]
 
     def _name_the_cause(self, run: native.Run) -> None:
         """SimulationError, with the joint where the NumPy formalism can name it."""
@@ -213,32 +232,33 @@ class _Integration:
             "reduce dt, or look for loads that grow without bound"
         )
 
-    def _first_step(self, backend: str) -> float:
+    def _first_step(self) -> float | None:
         """Hairer, Nørsett, Wanner, Solving ODEs I, section II.4: a step that a crude Euler step finds safe."""
         rtol, atol, span = self.settings["rtol"], self.settings["atol"], self.t_end - self.t0
-        order = METHODS[self.method].tableau().order  # type: ignore[misc]
-        x, scale = self.x0, atol + abs(self.x0) * rtol
-        f0 = self.rhs(self.t0, x, backend)
+        x, scale, held = self.x0, atol + abs(self.x0) * rtol, self.sampling.held
+        if (f0 := self.advance.derivative(self.t0, x, held)) is None:
+            return span  # the first step will name the cause
         d0, d1 = (np.sqrt(np.mean((y / scale) ** 2)) for y in (x, f0))
         h0 = min(1e-6 if d0 < 1e-5 or d1 < 1e-5 else 0.01 * d0 / d1, span)
-        d2 = np.sqrt(np.mean(((self.rhs(self.t0 + h0, self.project(x + h0 * f0), backend) - f0) / scale) ** 2)) / h0
-        h1 = max(1e-6, h0 * 1e-3) if max(d1, d2) <= 1e-15 else (0.01 / max(d1, d2)) ** (1 / (order + 1))
-        return min(100 * h0, h1, span)
+        f1 = self.advance.derivative(self.t0 + h0, self.project(x + h0 * f0), held)
+        self.counts["evaluations"] += 2
+        d2 = np.inf if f1 is None else np.sqrt(np.mean(((f1 - f0) / scale) ** 2)) / h0
+        h1 = max(1e-6, h0 * 1e-3) if max(d1, d2) <= 1e-15 else (0.01 / max(d1, d2)) ** (1 / (self.advance.order + 1))
+        return min(100 * h0, h1, span) if f1 is not None else h0
 
 
-def _finished(scene: Scene, found: Found, sampling: Sampling, formalism: str, backend: str, stats: dict[str, Any]) -> Trajectory:
-    """The trajectory of the times and states found, with accelerations and joint forces evaluated at them."""
+def _finished(scene: Scene, t: Array, x: Array, sampling: Sampling, formalism: str, backend: str, stats: dict[str, Any]) -> Trajectory:
+    """The trajectory of times (n,) and states (n, nx), with accelerations and joint forces evaluated at them."""
     nq, nv = scene.robot.nq, scene.robot.nv
-    t = np.array([t for t, _ in found])
-    x = np.array([x for _, x in found]).reshape(-1, nq + nv + 1)
     q, v, work = x[:, :nq], x[:, nq : nq + nv], x[:, nq + nv]
     try:
         got = scene.evaluator.ask(Result(formalism), backend, t=t, q=q, v=v, tau=sampling.at(t))
     except ModelError:
         # The last states may be what the integration failed at: keep what comes before them.
-        if len(found) <= 1:
+        if len(t) <= 1:
             raise
-        return _finished(scene, found[: max(1, len(found) * 9 // 10)], sampling, formalism, backend, stats | {"completed": False})
+        kept = max(1, len(t) * 9 // 10)
+        return _finished(scene, t[:kept], x[:kept], sampling, formalism, backend, stats | {"completed": False})
     return Trajectory(scene=scene, t=t, q=q, v=v, a=got["vdot"], u=got["u"], work=work, stats=stats)
 
 
