@@ -136,7 +136,10 @@ class _Integration:
     @property
     def can_start(self) -> bool:
         """Whether native code finds a derivative at the start, under no held forces."""
-        return self.advance.derivative(self.t0, self.x0) is not None
+        try:
+            return self.advance.derivative(self.t0, self.x0) is not None
+        except ZeroDivisionError:  # a pivot is zero whatever the state
+            return False
 
     def keep(self, t: float, x: Array) -> None:
         """One result more."""
