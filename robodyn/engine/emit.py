@@ -8,11 +8,11 @@ where a program is cut into functions of a few thousand operations to keep LLVM'
 from collections.abc import Iterator
 from itertools import pairwise
 
-from .functions import Type, by_lane, declarations, sincos
-from .graph import LEAVES
+from .functions import TOGETHER, Type, by_lane, declarations, sincos, sincos_together
+from .graph import LEAVES, TRIGONOMETRIC
 from .program import Program
 
-PIECE = 2500  # operations in one function: LLVM's time grows faster than linearly beyond
+PIECE = 16000  # operations in one function: LLVM's time grows faster than linearly beyond
 BINARY = {"add": "fadd", "sub": "fsub", "mul": "fmul", "div": "fdiv"}
 INTRINSIC = {"sqrt": "sqrt", "abs": "fabs", "min": "minnum", "max": "maxnum"}
 BY_LANE = ("exp", "log", "tanh")
@@ -43,6 +43,8 @@ def prologue(t: Type, *programs: Program) -> Iterator[str]:
     used = {op for program in programs for op, *_ in program.instructions}
     yield from declarations(t)
     yield from sincos(t)
+    for n in range(1, TOGETHER + 1):
+        yield from sincos_together(t, n)
     for name in BY_LANE:
         if name in used:
             yield from by_lane(t, name)
@@ -93,7 +95,7 @@ def _slots(program: Program, pieces: list[range]) -> dict[object, int]:
 
 def _piece(program: Program, t: Type, name: str, piece: range, slots: dict[object, int], *, inline: bool) -> Iterator[str]:
     """One function: loads what it needs from the slots, computes, stores what others need."""
-    F, names, trig = t.float, {}, {}
+    F, names = t.float, {}
     lines: list[str] = []
 
     def operand(j: int) -> str:
@@ -112,7 +114,17 @@ def _piece(program: Program, t: Type, name: str, piece: range, slots: dict[objec
 
     for i in piece:
         op, *args = program.instructions[i]
-        if op in LEAVES:
+        if op in LEAVES or i in names:
+            continue
+        if op in TRIGONOMETRIC:
+            places = _together(program, piece, i)
+            arguments = dict.fromkeys(program.instructions[k][1] for k in places)
+            results = "{" + ", ".join([F] * (2 * len(arguments))) + "}"
+            passed = ", ".join(f"{F} {operand(j)}" for j in arguments)
+            lines.append(f"  %t{i} = call {results} @sincos.{len(arguments)}({passed})")
+            for k, place in places.items():
+                lines.append(f"  %v{k} = extractvalue {results} %t{i}, {place}")
+                names[k] = f"%v{k}"
             continue
         xs = [operand(j) for j in args]
         if op in BINARY:
@@ -128,11 +140,6 @@ def _piece(program: Program, t: Type, name: str, piece: range, slots: dict[objec
             lines.append(f"  %v{i} = call {F} @llvm.fma.{t.name}({F} {a}, {F} {b}, {F} {c})")
         elif op == "neg":
             lines.append(f"  %v{i} = fneg {F} {xs[0]}")
-        elif op in ("sin", "cos"):
-            if args[0] not in trig:
-                trig[args[0]] = f"%t{i}"
-                lines.append(f"  %t{i} = call {{{F}, {F}}} @sincos({F} {xs[0]})")
-            lines.append(f"  %v{i} = extractvalue {{{F}, {F}}} {trig[args[0]]}, {int(op == 'cos')}")
         elif op in INTRINSIC:
             lines.append(f"  %v{i} = call {F} @llvm.{INTRINSIC[op]}.{t.name}({', '.join(f'{F} {x}' for x in xs)})")
         else:
@@ -151,6 +158,19 @@ def _piece(program: Program, t: Type, name: str, piece: range, slots: dict[objec
     yield from lines
     yield "  ret void"
     yield "}"
+
+
+def _together(program: Program, piece: range, start: int) -> dict[int, int]:
+    """The run of sines and cosines from `start` on, of at most TOGETHER arguments; and the place of each in {sin, cos, …} of them."""
+    places: dict[int, int] = {}
+    arguments: dict[int, int] = {}
+    for i in range(start, piece.stop):
+        op, *operands = program.instructions[i]
+        full = len(arguments) == TOGETHER and operands[0] not in arguments
+        if op not in TRIGONOMETRIC or full or operands[0] in places:  # the sine of a cosine has to wait for it
+            break
+        places[i] = 2 * arguments.setdefault(operands[0], len(arguments)) + TRIGONOMETRIC.index(op)
+    return places
 
 
 def _run(part: Part, t: Type) -> Iterator[str]:

@@ -9,6 +9,7 @@ import struct
 from collections.abc import Iterator
 
 EXACT_BEYOND = 1e5
+TOGETHER = 8  # arguments that share one test for large ones
 
 # π/2 = P1 + P2 + P3 + …, each the double nearest to what is left.
 P1, P2, P3 = 1.5707963267948966, 6.123233995736766e-17, -1.4973849048591833e-33
@@ -70,7 +71,7 @@ def declarations(t: Type) -> Iterator[str]:
 
 
 def sincos(t: Type) -> Iterator[str]:
-    """define {sin, cos} @sincos(x): always inlined, but for the slow path."""
+    """define {sin, cos, large} @sincos(x), always inlined; and {sin, cos} @sincos_exact(x, sin, cos), to replace them where x is large."""
     F, N, B, c = t.float, t.int, t.bool, t.constant
 
     def fma(out: str, a: str, b: str, d: str) -> str:
@@ -82,7 +83,7 @@ def sincos(t: Type) -> Iterator[str]:
             yield fma(f"{name}{i}", value, "%z", c(a))
             value = f"%{name}{i}"
 
-    yield f"define internal {{{F}, {F}}} @sincos({F} %x) alwaysinline nounwind {{"
+    yield f"define internal {{{F}, {F}, {B}}} @sincos({F} %x) alwaysinline nounwind {{"
     # r + t = x − k π/2: x − k P1 is exact, and so are the roundings of k P2 and of the difference.
     yield f"  %turns = fmul {F} %x, {c(2 / 3.141592653589793)}"
     yield f"  %k = call {F} @llvm.rint.{t.name}({F} %turns)"
@@ -114,11 +115,10 @@ def sincos(t: Type) -> Iterator[str]:
     yield fma("wlost", "%z", c(-0.5), "%onew")
     yield f"  %ctail2 = fadd {F} %wlost, %ctail"
     yield f"  %cos0 = fadd {F} %w, %ctail2"
-    # Quadrants. Where x is too large, k means nothing: it is made 0 and the result replaced.
+    # Quadrants. Where x is too large, n is poison, and so are results that `@sincos_exact` replaces lane by lane.
     yield f"  %size = call {F} @llvm.fabs.{t.name}({F} %x)"
     yield f"  %large = fcmp ugt {F} %size, {c(EXACT_BEYOND)}"
-    yield f"  %ksafe = select {B} %large, {F} {c(0.0)}, {F} %k"
-    yield f"  %n = fptosi {F} %ksafe to {N}"
+    yield f"  %n = fptosi {F} %k to {N}"
     yield f"  %n1 = and {N} %n, {t.integer(1)}"
     yield f"  %odd = icmp ne {N} %n1, {t.integer(0)}"
     yield f"  %sq = select {B} %odd, {F} %cos0, {F} %sin0"
@@ -132,47 +132,72 @@ def sincos(t: Type) -> Iterator[str]:
         yield f"  %{name}i = bitcast {F} %{name}q to {N}"
         yield f"  %{name}x = xor {N} %{name}i, %{name}m"
         yield f"  %{name}f = bitcast {N} %{name}x to {F}"
-    if t.lanes == 1:
-        yield "  %any = and i1 %large, true"
-    else:
-        yield f"  %bits = bitcast {B} %large to i{t.lanes}"
-        yield f"  %any = icmp ne i{t.lanes} %bits, 0"
-    yield "  br i1 %any, label %slow, label %done, !prof !0"
-    yield "slow:"
-    yield f"  %exact = call {{{F}, {F}}} @sincos_exact({F} %x, {F} %sf, {F} %cf)"
-    yield f"  %se = extractvalue {{{F}, {F}}} %exact, 0"
-    yield f"  %ce = extractvalue {{{F}, {F}}} %exact, 1"
-    yield "  br label %done"
-    yield "done:"
-    yield f"  %sr = phi {F} [%sf, %0], [%se, %slow]"
-    yield f"  %cr = phi {F} [%cf, %0], [%ce, %slow]"
-    yield f"  %a = insertvalue {{{F}, {F}}} undef, {F} %sr, 0"
-    yield f"  %b = insertvalue {{{F}, {F}}} %a, {F} %cr, 1"
-    yield f"  ret {{{F}, {F}}} %b"
+    pair = f"{{{F}, {F}, {B}}}"
+    yield f"  %a = insertvalue {pair} undef, {F} %sf, 0"
+    yield f"  %b = insertvalue {pair} %a, {F} %cf, 1"
+    yield f"  %r3 = insertvalue {pair} %b, {B} %large, 2"
+    yield f"  ret {pair} %r3"
     yield "}"
 
     # The slow path: lanes beyond the bound by the C library, the others as they are.
     yield f"define internal {{{F}, {F}}} @sincos_exact({F} %x, {F} %s, {F} %c) noinline cold nounwind {{"
     s, co = "%s", "%c"
+    bound = Type(1).constant(EXACT_BEYOND)
     for i in range(t.lanes):
-        if t.lanes == 1:
-            yield f"  %x{i} = fadd double %x, 0x8000000000000000"
-        else:
+        x = "%x"
+        if t.lanes > 1:
             yield f"  %x{i} = extractelement {F} %x, i32 {i}"
-        yield f"  %sl{i} = call double @sin(double %x{i})"
-        yield f"  %cl{i} = call double @cos(double %x{i})"
-        if t.lanes == 1:
-            s, co = f"%sl{i}", f"%cl{i}"
-            continue
-        yield f"  %a{i} = call double @llvm.fabs.f64(double %x{i})"
-        yield f"  %l{i} = fcmp ugt double %a{i}, 0x{struct.unpack('<Q', struct.pack('<d', EXACT_BEYOND))[0]:016X}"
+            x = f"%x{i}"
+        yield f"  %sl{i} = call double @sin(double {x})"
+        yield f"  %cl{i} = call double @cos(double {x})"
+        yield f"  %a{i} = call double @llvm.fabs.f64(double {x})"
+        yield f"  %l{i} = fcmp ugt double %a{i}, {bound}"
         for name, old in (("s", s), ("c", co)):
-            yield f"  %{name}n{i} = insertelement {F} {old}, double %{name}l{i}, i32 {i}"
-            yield f"  %{name}k{i} = select i1 %l{i}, {F} %{name}n{i}, {F} {old}"
+            new = f"%{name}l{i}"
+            if t.lanes > 1:
+                yield f"  %{name}n{i} = insertelement {F} {old}, double {new}, i32 {i}"
+                new = f"%{name}n{i}"
+            yield f"  %{name}k{i} = select i1 %l{i}, {F} {new}, {F} {old}"
         s, co = f"%sk{i}", f"%ck{i}"
     yield f"  %p = insertvalue {{{F}, {F}}} undef, {F} {s}, 0"
     yield f"  %q = insertvalue {{{F}, {F}}} %p, {F} {co}, 1"
     yield f"  ret {{{F}, {F}}} %q"
+    yield "}"
+
+
+def sincos_together(t: Type, n: int) -> Iterator[str]:
+    """define {sin, cos, …} @sincos.n(x, …) of n arguments: always inlined, with one test for large arguments and one slow path for all."""
+    F, B, pair = t.float, t.bool, f"{{{t.float}, {t.float}}}"
+    results = "{" + ", ".join([F] * (2 * n)) + "}"
+    yield f"define internal {results} @sincos.{n}({', '.join(f'{F} %x{k}' for k in range(n))}) alwaysinline nounwind {{"
+    large = ""
+    for k in range(n):
+        yield f"  %t{k} = call {{{F}, {F}, {B}}} @sincos({F} %x{k})"
+        for j, name in enumerate(("s", "c", "l")):
+            yield f"  %{name}{k} = extractvalue {{{F}, {F}, {B}}} %t{k}, {j}"
+        if large:
+            yield f"  %any{k} = or {B} {large}, %l{k}"
+        large = f"%any{k}" if large else f"%l{k}"
+    if t.lanes > 1:
+        yield f"  %bits = bitcast {B} {large} to i{t.lanes}"
+        yield f"  %any = icmp ne i{t.lanes} %bits, 0"
+        large = "%any"
+    yield f"  br i1 {large}, label %slow, label %done, !prof !0"
+    yield "slow:"
+    for k in range(n):
+        yield f"  %e{k} = call {pair} @sincos_exact({F} %x{k}, {F} %s{k}, {F} %c{k})"
+        yield f"  %se{k} = extractvalue {pair} %e{k}, 0"
+        yield f"  %ce{k} = extractvalue {pair} %e{k}, 1"
+    yield "  br label %done"
+    yield "done:"
+    value = "undef"
+    for k in range(n):
+        yield f"  %sr{k} = phi {F} [%s{k}, %0], [%se{k}, %slow]"
+        yield f"  %cr{k} = phi {F} [%c{k}, %0], [%ce{k}, %slow]"
+    for j in range(2 * n):
+        yield f"  %r{j} = insertvalue {results} {value}, {F} %{'sc'[j % 2]}r{j // 2}, {j}"
+        value = f"%r{j}"
+    yield f"  ret {results} {value}"
     yield "}"
 
 

@@ -14,6 +14,7 @@ import numpy as np
 Node = tuple[Any, ...]  # (operation, operand, …): operands are node numbers, of "const" a float, of "in" a name and an index
 
 UNARY = ("sqrt", "sin", "cos", "exp", "log", "tanh", "abs")
+TRIGONOMETRIC = ("sin", "cos")
 COMMUTATIVE = ("add", "mul", "min", "max")
 LEAVES = ("const", "in")
 
