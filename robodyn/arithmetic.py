@@ -65,6 +65,11 @@ def dtype_of(*arrays: Any) -> np.dtype:
     return np.result_type(float, *(np.asarray(a) for a in arrays if a is not None))
 
 
+def known(x: Any) -> Any:
+    """The value of a number; None for a traced symbol whose value only a kernel will know."""
+    return x.constant if hasattr(x, "constant") else x
+
+
 def solve(A: Array, b: Array) -> Array:
     """x with A x = b for a dense, indefinite A (..., n, n) and b (..., n), by LU with partial pivoting.
 
