@@ -45,31 +45,53 @@ class Evaluator:
         return self._views[backend]
 
     def ask(
-        self, question: Question, backend: str = DEFAULT, *, t: Array | float = _NOW, threads: int | None = None, **arrays: object
+        self,
+        question: Question,
+        backend: str = DEFAULT,
+        *,
+        t: Array | float = _NOW,
+        threads: int | None = None,
+        out: Array | None = None,
+        **arrays: object,
     ) -> dict[str, Array]:
-        """The arrays of the answer, with the leading dimensions that the given arrays have together; None stands for zeros."""
+        """The arrays of the answer, with the leading dimensions that the given arrays have together; None stands for zeros.
+
+        out: where the one array of the answer goes; float64, C-contiguous, of its shape, apart from the given arrays.
+        """
         inputs.choice("backend", backend, BACKENDS)
         if threads is not None and (not isinstance(threads, int) or threads < 1):
             raise InputError(f"threads={threads!r} must be a whole number of at least 1, or None for all cores")
         # The saddle-point routes are oracles: they choose pivots, which no kernel can.
         if backend == "native" and getattr(question, "formalism", "") not in SADDLES:
-            answer = self._natively(question, t, threads, arrays)
+            answer = self._natively(question, t, threads, out, arrays)
             if answer is not None:
                 return answer
         # The readable reference; and what names the cause where a kernel found that something is wrong.
-        return self._directly(question, "mpmath" if backend == "mpmath" else "numpy", t, arrays)
+        answer = self._directly(question, "mpmath" if backend == "mpmath" else "numpy", t, arrays)
+        if out is not None:
+            ((name, values),) = answer.items()
+            if values.dtype == object:
+                raise InputError("out is of float64 and cannot hold the digits of backend='mpmath': leave it out")
+            inputs.target(out, values.shape, arrays)[...] = values
+            answer = {name: out}
+        return answer
 
-    def _natively(self, question: Question, t: Array | float, threads: int | None, arrays: Mapping[str, object]) -> dict[str, Array] | None:
+    def _natively(
+        self, question: Question, t: Array | float, threads: int | None, out: Array | None, arrays: Mapping[str, object]
+    ) -> dict[str, Array] | None:
         """The kernel's answer; None where it is not to be trusted."""
         batch, quick = inputs.quick(self.robot, arrays)
         try:
             kernel = self.kernel(question)
         except ZeroDivisionError:  # a pivot is zero whatever the state
             return None
-        values, bad = kernel(batch, {**quick, "t": _ZERO if t is _NOW else np.asarray(t, dtype=float)[..., None]}, threads)
+        shapes = question.shapes(self.robot)
+        given = {name: inputs.target(out, batch + shape, quick) for name, shape in shapes.items()} if out is not None else {}
+        values, bad = kernel(batch, {**quick, "t": _ZERO if t is _NOW else np.asarray(t, dtype=float)[..., None]}, threads, given)
         if bad >= 0:
             return None
-        shapes = question.shapes(self.robot)
+        if out is not None:
+            return given
         return {name: x.reshape(batch + shapes[name]) for name, x in values.items()}
 
     def _directly(self, question: Question, backend: str, t: Array | float, arrays: Mapping[str, object]) -> dict[str, Array]:

@@ -28,7 +28,9 @@ class Scene:
 
     Every method takes one state or any number in leading dimensions: q (..., nq), v, tau and a (..., nv); and
     backend: "native" (compiled at first use), "numpy" (the readable reference) or "mpmath" (50 digits, slow);
-    threads: how many share a large batch; all cores if not given, 1 for none.
+    threads: how many share a large batch; all cores if not given, 1 for none;
+    out, where there is one: a C-contiguous float64 array of the result's shape to write it into, as in NumPy. Fresh memory costs time
+    in large batches. Its contents are undefined after an error.
     Raises InputError for an argument of the wrong shape or value, ModelError where the motion is undetermined.
     """
 
@@ -80,7 +82,16 @@ class Scene:
     # --- how it moves ---
 
     def forward_dynamics(
-        self, q, v, tau=None, *, t: float = 0.0, formalism: str = "auto", backend: str = DEFAULT, threads: int | None = None
+        self,
+        q,
+        v,
+        tau=None,
+        *,
+        t: float = 0.0,
+        formalism: str = "auto",
+        backend: str = DEFAULT,
+        threads: int | None = None,
+        out: Array | None = None,
     ) -> Array:
         """η̇ (..., nv) [rad/s², m/s²] under the joint forces tau (..., nv) [N m, N], none if not given, and the loads at time t [s].
 
@@ -89,21 +100,24 @@ class Scene:
         always run on NumPy.
         """
         question = questions.ForwardDynamics(inputs.choice("formalism", formalism, FORMALISMS))
-        return self.evaluator.ask(question, backend, t=inputs.number("t", t), threads=threads, q=q, v=v, tau=tau)["vdot"]
+        return self.evaluator.ask(question, backend, t=inputs.number("t", t), threads=threads, out=out, q=q, v=v, tau=tau)["vdot"]
 
     # --- what it takes and carries ---
 
-    def inverse_dynamics(self, q, v, a, *, t: float = 0.0, backend: str = DEFAULT, threads: int | None = None) -> Array:
+    def inverse_dynamics(
+        self, q, v, a, *, t: float = 0.0, backend: str = DEFAULT, threads: int | None = None, out: Array | None = None
+    ) -> Array:
         """tau (..., nv) [N m, N] that the joints must supply, beside the loads, for the acceleration a (..., nv)."""
-        return self.evaluator.ask(questions.InverseDynamics(), backend, t=inputs.number("t", t), threads=threads, q=q, v=v, a=a)["tau"]
+        question = questions.InverseDynamics()
+        return self.evaluator.ask(question, backend, t=inputs.number("t", t), threads=threads, out=out, q=q, v=v, a=a)["tau"]
 
-    def bias_forces(self, q, v, *, t: float = 0.0, backend: str = DEFAULT, threads: int | None = None) -> Array:
+    def bias_forces(self, q, v, *, t: float = 0.0, backend: str = DEFAULT, threads: int | None = None, out: Array | None = None) -> Array:
         """−k̂ᶜ − k̂ᵗ (..., nv): `inverse_dynamics` at a = 0; gravity, Coriolis and centrifugal forces, loads."""
-        return self.inverse_dynamics(q, v, None, t=t, backend=backend, threads=threads)
+        return self.inverse_dynamics(q, v, None, t=t, backend=backend, threads=threads, out=out)
 
-    def mass_matrix(self, q, *, backend: str = DEFAULT, threads: int | None = None) -> Array:
+    def mass_matrix(self, q, *, backend: str = DEFAULT, threads: int | None = None, out: Array | None = None) -> Array:
         """M̂ = JᵀMJ (..., nv, nv)."""
-        return self.evaluator.ask(questions.MassMatrix(), backend, threads=threads, q=q)["M"]
+        return self.evaluator.ask(questions.MassMatrix(), backend, threads=threads, out=out, q=q)["M"]
 
     def reactions(
         self,
@@ -118,17 +132,18 @@ class Scene:
         formalism: str = "auto",
         backend: str = DEFAULT,
         threads: int | None = None,
+        out: Array | None = None,
     ) -> Reactions:
         """The wrench [M, F] (..., 6) [N m, N] on each joint's child link, from its parent, about the joint's origin.
 
         frame: resolved in the "child" link, the "parent" link or the "world". part: "constraint" is f̌ᵖ, which does no work on
         the free motion; "total" adds what actuator, damping, spring and friction transmit along the free axes.
-        joints: names, all of them if not given: `ground`, fixed and mimic joints included.
+        joints: names, all of them if not given: `ground`, fixed and mimic joints included. out: becomes the `array` of the result.
         """
         indices = self._joints(joints)
         options = inputs.choice("frame", frame, FRAMES), inputs.choice("part", part, PARTS), indices
         question = questions.JointReactions(inputs.choice("formalism", formalism, FORMALISMS), *options)
-        wrenches = self.evaluator.ask(question, backend, t=inputs.number("t", t), threads=threads, q=q, v=v, tau=tau)["wrenches"]
+        wrenches = self.evaluator.ask(question, backend, t=inputs.number("t", t), threads=threads, out=out, q=q, v=v, tau=tau)["wrenches"]
         return Reactions(tuple(self.robot.all_joint_names[i] for i in indices), wrenches, frame, part)
 
     def reactions_of(
@@ -159,6 +174,6 @@ class Scene:
         """Angular momentum about the ground's origin [N m s] and linear momentum [N s] (..., 6), in the ground's frame."""
         return self.evaluator.ask(questions.Momentum(), backend, threads=threads, q=q, v=v)["momentum"]
 
-    def link_poses(self, q, *, backend: str = DEFAULT, threads: int | None = None) -> Array:
+    def link_poses(self, q, *, backend: str = DEFAULT, threads: int | None = None, out: Array | None = None) -> Array:
         """The pose (..., nlinks, 4, 4) of every link's frame in the ground's, in the order of `robot.link_names`."""
-        return self.evaluator.ask(questions.LinkPoses(), backend, threads=threads, q=q)["poses"]
+        return self.evaluator.ask(questions.LinkPoses(), backend, threads=threads, out=out, q=q)["poses"]

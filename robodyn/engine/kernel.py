@@ -6,6 +6,7 @@ import os
 import threading
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from . import cache, emit
 from .compile import OPTIONS, Loaded, cpu, lanes, llvm, object_code
 from .program import Program
 
+NOTHING: Mapping[str, Array] = MappingProxyType({})
 WORK = 5_000_000  # instructions times rows that a thread should have to do, about 0.2 ms: handing work over costs a tenth of it
 
 
@@ -30,18 +32,22 @@ class Kernel:
         self._functions: dict[int, Any] = {}
         self._lock = threading.Lock()
 
-    def __call__(self, batch: tuple[int, ...], arrays: Mapping[str, Array], threads: int | None = None) -> tuple[dict[str, Array], int]:
+    def __call__(
+        self, batch: tuple[int, ...], arrays: Mapping[str, Array], threads: int | None = None, out: Mapping[str, Array] = NOTHING
+    ) -> tuple[dict[str, Array], int]:
         """Outputs (*batch, size) by name, and the first row of a block in which something was not finite or a guard failed; −1: none.
 
         arrays: float64, one per input, (*batch, size) or with leading dimensions that broadcast to the batch.
+        out: float64 arrays without gaps to write outputs into; new ones are made for the others.
         """
         n = math.prod(batch)
         rows = [_rows(arrays[name], batch, size) for name, size in self.program.inputs.items()]
-        outputs = {name: np.empty((*batch, len(values))) for name, values in self.program.outputs.items()}
+        sizes = {name: len(values) for name, values in self.program.outputs.items()}
+        outputs = {name: out[name] if name in out else np.empty((*batch, size)) for name, size in sizes.items()}
         width = lanes() if n >= lanes() else 1
         run = self._functions.get(width) or self._compiled(width)
         ins = [(x.ctypes.data, stride) for x, stride in rows]
-        outs = [(out.ctypes.data, out.shape[-1]) for out in outputs.values()]
+        outs = [(outputs[name].ctypes.data, size) for name, size in sizes.items()]
 
         def part(first: int, last: int) -> int:
             arguments = [a for pointer, stride in ins for a in (pointer + 8 * stride * first, stride)]
