@@ -130,7 +130,7 @@ class Evaluator:
         return self._kernels[question]
 
     def _decided(self, question: Question) -> Question:
-        """The question with "auto" replaced by the cheapest formalism for it."""
+        """The question with "auto" replaced by the formalism of the fewest operations."""
         if getattr(question, "formalism", "") != "auto":
             return question
         # Where wrenches are asked for as well, what both share counts too.
@@ -148,7 +148,7 @@ class Evaluator:
 
     @cached_property
     def cheapest(self) -> str:
-        """The formalism that forward dynamics takes for this scene."""
+        """The formalism of the fewest operations for forward dynamics of this scene."""
         return _cheapest(self.operations)
 
     def _traced(self, question: Question) -> Program:
@@ -194,9 +194,7 @@ class Evaluator:
 
 
 def _cheapest(operations: Mapping[str, int]) -> str:
-    """The formalism of the fewest operations; but its rounding grows with M̂'s condition: to be taken, `nonrecursive` must save a tenth."""
-    weights = {"nonrecursive": 1 / 0.9}
-    return min(operations, key=lambda route: weights.get(route, 1.0) * operations[route])
+    return min(operations, key=lambda route: operations[route])
 
 
 def guards_of(robot: Mechanism, views: Views, answer: Answer, q: Array | None) -> list[object]:

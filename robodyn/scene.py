@@ -96,8 +96,7 @@ class Scene:
         """η̇ (..., nv) [rad/s², m/s²] under the joint forces tau (..., nv) [N m, N], none if not given, and the loads at time t [s].
 
         formalism: "recursive", "nonrecursive", "saddle_joint" or "saddle_body", the routes of M̂ η̇ = k̂ and eqs. (18), (19); "auto" takes
-        the one with the fewest operations, in a close run "recursive", which rounds less. The saddle-point routes are oracles and
-        always run on NumPy.
+        the one with the fewest operations. The saddle-point routes are oracles and always run on NumPy.
         """
         question = questions.ForwardDynamics(inputs.choice("formalism", formalism, FORMALISMS))
         return self.evaluator.ask(question, backend, t=inputs.number("t", t), threads=threads, out=out, q=q, v=v, tau=tau)["vdot"]

@@ -12,7 +12,8 @@ from .functions import TOGETHER, Type, by_lane, declarations, sincos, sincos_tog
 from .graph import LEAVES, TRIGONOMETRIC
 from .program import Program
 
-PIECE = 16000  # operations in one function: LLVM's time grows faster than linearly beyond
+WHOLE = 10000  # instructions up to which a program is one function: what crosses a border goes through memory
+PIECE = 2500  # instructions in one function beyond: LLVM's time grows faster than linearly, and it spills more than crosses
 BINARY = {"add": "fadd", "sub": "fsub", "mul": "fmul", "div": "fdiv"}
 INTRINSIC = {"sqrt": "sqrt", "abs": "fabs", "min": "minnum", "max": "maxnum"}
 BY_LANE = ("exp", "log", "tanh")
@@ -21,9 +22,11 @@ BY_LANE = ("exp", "log", "tanh")
 class Part:
     """A program as functions over slots: what a module that calls it needs to know."""
 
-    def __init__(self, program: Program, t: Type, name: str) -> None:
+    def __init__(self, program: Program, t: Type, name: str, *, inline: bool = True) -> None:
+        """inline: the only call of a function in one piece takes it in; several calls would multiply LLVM's time."""
         self.program, self.name = program, name
         self._pieces = _pieces(program)
+        self._inline = inline and len(self._pieces) == 1
         self.slots = _slots(program, self._pieces)
         self.size = len(self.slots)
         self._t = t
@@ -31,7 +34,7 @@ class Part:
     def functions(self) -> Iterator[str]:
         """The definitions."""
         for k, piece in enumerate(self._pieces):
-            yield from _piece(self.program, self._t, f"{self.name}{k}", piece, self.slots, inline=len(self._pieces) == 1)
+            yield from _piece(self.program, self._t, f"{self.name}{k}", piece, self.slots, inline=self._inline)
 
     def calls(self, slots: str) -> list[str]:
         """The lines that evaluate the program on slots whose inputs are set."""
@@ -67,9 +70,9 @@ def module(program: Program, lanes: int) -> str:
 
 
 def _pieces(program: Program) -> list[range]:
-    """The instructions, cut into runs of at most PIECE."""
+    """The instructions: all of them, or cut into runs of at most PIECE."""
     n = len(program.instructions)
-    count = max(1, -(-n // PIECE))
+    count = 1 if n <= WHOLE else -(-n // PIECE)
     ends = [n * k // count for k in range(count + 1)]
     return [range(a, b) for a, b in pairwise(ends)]
 

@@ -20,6 +20,7 @@ DONE, PAUSED, STEP_TOO_SMALL, NOT_FINITE = range(4)  # what `advance` returns
 
 # The numbers that `advance` reads and writes, each a double.
 HEADER = ("t", "h", "t0", "t_end", "count", "rtol", "atol", "next", "steps", "rejected", "evaluations", "started", "shrink")
+INLINED = 3000  # operations of the right-hand side, times its calls, up to which each call takes it in
 UNROLLED = 48  # entries of a state vector up to which loops over it are written out
 
 SAFETY, SHRINK, GROW = 0.9, 0.2, 10.0  # of the step size control
@@ -55,8 +56,9 @@ def stages(method: Method) -> int:
 class _Writer:
     def __init__(self, method: Method, rhs: Program, project: Program | None, t: Type) -> None:
         self.m, self.t, self.nx, self.code = method, t, rhs.inputs["x"], Code()
-        self.f = emit.Part(rhs, t, "f")
-        self.project = emit.Part(project, t, "project") if project else None
+        inline = stages(method) * len(rhs.instructions) <= INLINED
+        self.f = emit.Part(rhs, t, "f", inline=inline)
+        self.project = emit.Part(project, t, "project", inline=False) if project else None
         self.header = {name: f"%header.{name}" for name in HEADER}
 
     def text(self) -> str:
