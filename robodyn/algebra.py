@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .arithmetic import Array, dtype_of, sqrt, zeros
+from .arithmetic import Array, dtype_of, known, sqrt, zeros
 
 
 def frozen(x: object, shape: tuple[int, ...] | None = None) -> Array:
@@ -66,6 +66,36 @@ def mirrored(A: Array) -> Array:
         for j in range(i):
             A[..., i, j] = A[..., j, i]
     return A
+
+
+def congruent(R: Array, A: Array) -> Array:
+    """R A Rᵀ (..., 3, 3) for a rotation R: the same map A, resolved in the turned frame."""
+    plane = _plane(R) if R.dtype == object and R.ndim == 2 else None
+    if plane is None:
+        return R @ A @ transpose(R)
+
+    # R turns the plane of i and j by the angle with cosine x and sine −y, then names the axes anew: rows b, c, a of R. In the plane,
+    # what is left of 1 under the turn needs x² = 1 − y² alone: half the products.
+    (b, c, a), (i, j, k), (x, y, sign, up) = plane
+    w = x * (A[i, i] - A[j, j]) + y * (A[i, j] + A[j, i])
+    B = zeros((3, 3), np.dtype(object))
+    B[b, b], B[c, c], B[a, a] = A[j, j] + x * w, A[i, i] - x * w, A[k, k]
+    B[b, c], B[c, b] = sign * (A[i, j] - y * w), sign * (A[j, i] - y * w)
+    B[a, b], B[b, a] = up * (x * A[k, i] + y * A[k, j]), up * (x * A[i, k] + y * A[j, k])
+    B[a, c], B[c, a] = up * sign * (x * A[k, j] - y * A[k, i]), up * sign * (x * A[j, k] - y * A[i, k])
+    return B
+
+
+def _plane(R: Array) -> tuple[tuple[int, int, int], tuple[int, int, int], tuple[object, object, float, float]] | None:
+    """What `congruent` needs of a rotation (3, 3) that is known to keep an axis: R[a, k] = ±1; None for others."""
+    for a, k in np.ndindex(3, 3):
+        up = known(R[a, k])
+        if up not in (1, -1) or any(known(R[a, (k + n) % 3]) != 0 or known(R[(a + n) % 3, k]) != 0 for n in (1, 2)):
+            continue
+        b, c, i, j = (a + 1) % 3, (a + 2) % 3, (k + 1) % 3, (k + 2) % 3
+        # Rows (x, y) and ±(−y, x); the determinant is 1, and so the sign that of R[a, k].
+        return (b, c, a), (i, j, k), (R[b, i], R[b, j], float(up), float(up))
+    return None
 
 
 def rotation(axis: Array, c: Array, s: Array) -> Array:

@@ -3,7 +3,7 @@
 Plain functions of arrays that are already checked (`inputs`), in whatever arithmetic the tree's constants are in (`scene`).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -23,7 +23,7 @@ from .formalism.saddle import saddle_body, saddle_joint
 from .formalism.solution import Solution
 from .formalism.spatial import Pose, wrench_to_parent
 from .loads import Load, State
-from .model import Body, Mechanism, Tree, lump
+from .model import Body, Mechanism, Minimal, Tree, lump, minimal
 
 SWEEPS = {"nonrecursive": nonrecursive, "recursive": recursive}
 SADDLES = {"saddle_joint": saddle_joint, "saddle_body": saddle_body}
@@ -55,6 +55,7 @@ class Equations:
     tree: Tree
     gravity: Array  # (3,)
     loads: Sequence[Load]
+    minimal: Minimal | None = None  # what `nonrecursive` solves for η̇ on instead of the tree, where it is there
 
     # --- what acts ---
 
@@ -105,6 +106,8 @@ class Equations:
         """η̇ by the named route; the saddle-point routes have no pivots to show."""
         if formalism == "auto":
             formalism = self.cheapest
+        if formalism == "nonrecursive" and self.minimal:
+            return nonrecursive(self.minimal.tree, q, v, acts.tau, self.minimal.wrenches(acts.wrenches), self.gravity)
         if formalism in SWEEPS:
             return SWEEPS[formalism](self.tree, q, v, acts.tau, acts.wrenches, self.gravity)
         _, _, vdot = SADDLES[formalism](self.tree, q, v, acts.u, acts.wrenches, self.gravity)
@@ -186,23 +189,32 @@ class Equations:
 
 
 class Views:
-    """A scene's equations in one arithmetic, made when first asked for."""
+    """A scene's equations in one arithmetic, made when first asked for.
+
+    backend: "numpy" and "mpmath" take the robot as it is; "native", which is float64 too, has a minimal tree for η̇.
+    """
 
     def __init__(self, robot: Mechanism, gravity: Array, loads: Sequence[Load], backend: str) -> None:
         self._robot, self._gravity, self._loads, self._backend = robot, gravity, loads, backend
+        self._cut: dict[frozenset[int], Equations] = {}
 
-    def _equations(self, *, opened: bool) -> Equations:
-        with precision(self._backend):
-            robot, gravity = (self._robot.exact(), exact(self._gravity)) if self._backend == "mpmath" else (self._robot, self._gravity)
-            tree = lump(robot, cut=range(len(robot.joints)) if opened else ())
-        return Equations(self._robot, tree, gravity, self._loads)
+    def opened_at(self, joints: Iterable[int]) -> Equations:
+        """Cut open at these joints (by index) where they are fixed, so that their reactions appear; lumped elsewhere."""
+        fixed = frozenset(i for i in joints if not self._robot.joints[i].type.nv)
+        if fixed not in self._cut:
+            with precision(self._backend):
+                robot, gravity = (self._robot.exact(), exact(self._gravity)) if self._backend == "mpmath" else (self._robot, self._gravity)
+                tree = lump(robot, cut=fixed)
+            fewest = minimal(tree) if self._backend == "native" and not fixed else None
+            self._cut[fixed] = Equations(self._robot, tree, gravity, self._loads, fewest)
+        return self._cut[fixed]
 
-    @cached_property
+    @property
     def lumped(self) -> Equations:
         """On the bodies that move; links on fixed joints are lumped."""
-        return self._equations(opened=False)
+        return self.opened_at(())
 
-    @cached_property
+    @property
     def opened(self) -> Equations:
         """Cut open at every joint, fixed ones and the joint to ground included."""
-        return self._equations(opened=True)
+        return self.opened_at(range(len(self._robot.joints)))

@@ -24,7 +24,7 @@ from .errors import InputError, ModelError
 from .loads import Load
 from .looped import LoopedViews
 from .model import Mechanism
-from .questions import Answer, Evolution, ForwardDynamics, InverseDynamics, MassMatrix, Question
+from .questions import Answer, Evolution, ForwardDynamics, InverseDynamics, JointReactions, MassMatrix, Question
 from .trust import refuse_impossible, refuse_infinite, refuse_massless, refuse_undetermined, smallest_pivots
 
 UNROLLED = 60  # moving bodies up to which a kernel is straight-line code: beyond, compiling takes longer than it is worth
@@ -41,14 +41,14 @@ class Evaluator:
     def __init__(self, robot: Mechanism, gravity: Array, loads: tuple[Load, ...]) -> None:
         self.robot = robot
         # Kernels are traced on the float64 equations: their constants are float64.
-        self._views = {backend: Views(robot, gravity, loads, backend) for backend in ("numpy", "mpmath")}
+        self._views = {backend: Views(robot, gravity, loads, backend) for backend in BACKENDS}
         self._kernels: dict[tuple[Question, np.dtype], Kernel] = {}
         self.step_loops: dict[tuple, Any] = {}  # compiled integrators, by what `simulation.native` compiles them for
         self._lock = threading.Lock()
 
     def views(self, backend: str = "numpy") -> Views:
         """The equations of a backend."""
-        return self._views["mpmath" if backend == "mpmath" else "numpy"]
+        return self._views[backend]
 
     def ask(
         self,
@@ -58,19 +58,23 @@ class Evaluator:
         t: Array | float = _NOW,
         threads: int | None = None,
         dtype: DTypeLike = np.float64,
+        out: Array | None = None,
         **arrays: object,
     ) -> dict[str, Array]:
-        """The arrays of the answer, with the leading dimensions that the given arrays have together; None stands for zeros."""
+        """The arrays of the answer, with the leading dimensions that the given arrays have together; None stands for zeros.
+
+        out: where the one array of the answer goes; float64, C-contiguous, of its shape, apart from the given arrays.
+        """
         inputs.choice("backend", backend, BACKENDS)
         precise = inputs.precision(dtype, backend)
         if threads is not None and (not isinstance(threads, int) or threads < 1):
             raise InputError(f"threads={threads!r} must be a whole number of at least 1, or None for all cores")
         # The saddle-point routes are oracles: they choose pivots, which no kernel can.
-        if backend == "native" and isinstance(question, MassMatrix) and self.loops:
-            return {"M": self._mass_matrix(threads=threads, dtype=precise, **arrays)}
         natively = backend == "native" and getattr(question, "formalism", "") not in SADDLES
+        if natively and isinstance(question, MassMatrix) and self.loops:
+            return self._written({"M": self._mass_matrix(threads=threads, dtype=precise, **arrays)}, out, arrays)
         if natively:
-            answer = self._natively(question, t, threads, precise, arrays)
+            answer = self._natively(question, t, threads, precise, out, arrays)
             if answer is not None:
                 return answer
         # The readable reference; and what names the cause where a kernel found that something is wrong.
@@ -80,10 +84,26 @@ class Evaluator:
                 f"float32 cannot hold what the answer for robot {self.robot.name!r} takes: a number on the way is too large, or a pivot is "
                 "lost in rounding. Leave dtype out: float64 can"
             )
-        return answer
+        return self._written(answer, out, arrays)
+
+    def _written(self, answer: dict[str, Array], out: Array | None, arrays: Mapping[str, object]) -> dict[str, Array]:
+        """The answer, its one array moved to `out` where that is given."""
+        if out is None:
+            return answer
+        ((name, values),) = answer.items()
+        if values.dtype == object:
+            raise InputError("out is of float64 and cannot hold the digits of backend='mpmath': leave it out")
+        inputs.target(out, values.shape, arrays, values.dtype)[...] = values
+        return {name: out}
 
     def _natively(
-        self, question: Question, t: Array | float, threads: int | None, dtype: np.dtype, arrays: Mapping[str, object]
+        self,
+        question: Question,
+        t: Array | float,
+        threads: int | None,
+        dtype: np.dtype,
+        out: Array | None,
+        arrays: Mapping[str, object],
     ) -> dict[str, Array] | None:
         """The kernel's answer; None where it is not to be trusted."""
         batch, quick = inputs.quick(self.robot, arrays)
@@ -91,10 +111,13 @@ class Evaluator:
             kernel = self.kernel(question, dtype)
         except ZeroDivisionError:  # a pivot is zero whatever the state
             return None
-        values, bad = kernel(batch, {**quick, "t": _ZERO if t is _NOW else np.asarray(t, dtype=float)[..., None]}, threads)
+        shapes = question.shapes(self.robot)
+        given = {name: inputs.target(out, batch + shape, quick, dtype) for name, shape in shapes.items()} if out is not None else {}
+        values, bad = kernel(batch, {**quick, "t": _ZERO if t is _NOW else np.asarray(t, dtype=float)[..., None]}, threads, given)
         if bad >= 0:
             return None
-        shapes = question.shapes(self.robot)
+        if out is not None:
+            return given
         return {name: x.reshape(batch + shapes[name]) for name, x in values.items()}
 
     @cached_property
@@ -151,13 +174,19 @@ class Evaluator:
 
     def _decided(self, question: Question) -> Question:
         """The question with "auto" replaced by the formalism of the fewest operations."""
-        automatic = getattr(question, "formalism", "") == "auto"
-        return replace(question, formalism=self.cheapest) if automatic else question  # type: ignore[call-arg]
+        if getattr(question, "formalism", "") != "auto":
+            return question
+        # Where wrenches are asked for as well, what both share counts too.
+        wrenches = isinstance(question, JointReactions) and len(self._routes) > 1
+        return replace(question, formalism=_cheapest(self._counted(question)) if wrenches else self.cheapest)  # type: ignore[call-arg]
 
     @cached_property
     def operations(self) -> dict[str, int]:
         """Floating-point operations of forward dynamics by each formalism that is compiled for this scene."""
-        return {route: self._traced(ForwardDynamics(route)).operations for route in self._routes}
+        return self._counted(ForwardDynamics("auto"))
+
+    def _counted(self, question: Question) -> dict[str, int]:
+        return {route: self._traced(replace(question, formalism=route)).operations for route in self._routes}  # type: ignore[call-arg]
 
     @property
     def _routes(self) -> list[str]:
@@ -165,8 +194,8 @@ class Evaluator:
 
     @cached_property
     def cheapest(self) -> str:
-        """The formalism of the fewest operations for this scene."""
-        return self._routes[0] if len(self._routes) == 1 else min(self.operations, key=lambda route: self.operations[route])
+        """The formalism of the fewest operations for forward dynamics of this scene."""
+        return self._routes[0] if len(self._routes) == 1 else _cheapest(self.operations)
 
     @cached_property
     def loops(self) -> bool:
@@ -178,7 +207,7 @@ class Evaluator:
         """The question, asked of symbols."""
         looped = self.loops and getattr(question, "formalism", "recursive") == "recursive"
         graph = Recorder() if looped else Graph()
-        views = LoopedViews(self.views(), graph) if isinstance(graph, Recorder) else self.views()
+        views = LoopedViews(self.views(), graph) if isinstance(graph, Recorder) else self.views("native")
         sizes = {name: inputs.size(self.robot, name) for name in question.needs} | {"t": 1}
         arrays = {name: graph.inputs(name, (n,)) for name, n in sizes.items()}
         t = arrays.pop("t")[0]
@@ -199,7 +228,8 @@ class Evaluator:
         refuse_impossible(self.robot, self.views().lumped.tree)
         formalism = self.cheapest if formalism == "auto" else formalism
         graph = Recorder() if self.loops and formalism == "recursive" else Graph()
-        views, nq, nv = LoopedViews(self.views(), graph) if isinstance(graph, Recorder) else self.views(), self.robot.nq, self.robot.nv
+        views = LoopedViews(self.views(), graph) if isinstance(graph, Recorder) else self.views("native")
+        nq, nv = self.robot.nq, self.robot.nv
         sizes = {"t": 1, "x": nq + nv + 1} | ({"h": 1} if semi_implicit else {}) | ({"held": nv} if held else {})
         arrays = {name: graph.inputs(name, (n,)) for name, n in sizes.items()}
         q, v, tau = arrays["x"][:nq], arrays["x"][nq : nq + nv], arrays.get("held", np.zeros(nv))
@@ -222,6 +252,10 @@ class Evaluator:
 def finished(graph: Graph | Recorder, sizes: Mapping[str, int], outputs: Mapping[str, Array], guards: list[object]) -> Program | Looped:
     """The program of what was traced or recorded."""
     return graph.finish(sizes, outputs, guards) if isinstance(graph, Recorder) else program(graph, sizes, outputs, guards)
+
+
+def _cheapest(operations: Mapping[str, int]) -> str:
+    return min(operations, key=lambda route: operations[route])
 
 
 def guards_of(robot: Mechanism, views: Views, answer: Answer, q: Array | None, dtype: np.dtype = DOUBLE) -> list[object]:

@@ -121,6 +121,22 @@ def quick(robot: Mechanism, arrays: Mapping[str, object]) -> tuple[tuple[int, ..
     return batches.pop() if len(batches) == 1 else broadcast(**found), found
 
 
+def target(out: object, shape: tuple[int, ...], arrays: Mapping[str, object], dtype: np.dtype) -> Array:
+    """`out` if a result of this shape can be written into it while the arrays are read."""
+    if not isinstance(out, np.ndarray) or out.dtype != dtype:
+        kind = f"an array of {out.dtype}" if isinstance(out, np.ndarray) else repr(out)
+        raise InputError(f"out is {kind}: it must be an array of {dtype}, such as np.empty({shape}, np.{dtype})")
+    if out.shape != shape:
+        raise InputError(f"out has the shape {out.shape}: the result has {shape}")
+    if not (out.flags.c_contiguous and out.flags.aligned and out.flags.writeable):
+        lacks = "read-only" if not out.flags.writeable else "not C-contiguous and aligned"
+        raise InputError(f"out is {lacks}: give an array of its own, such as np.empty({shape})")
+    for name, x in arrays.items():
+        if isinstance(x, np.ndarray) and np.may_share_memory(out, x):
+            raise InputError(f"out overlaps {name}, which is still read when results are written: give another array")
+    return out
+
+
 def broadcast(**arrays: Array) -> tuple[int, ...]:
     """The common leading dimensions of the arrays."""
     try:

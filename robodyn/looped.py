@@ -4,7 +4,7 @@ What `model.Tree` is for arrays, `LoopedTree` is for robots of more bodies than 
 joints are of one type and their constants have zeros and ones in the same places; all other constants become parameters.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any
@@ -113,10 +113,17 @@ class LoopedViews(Views):
 
     def __init__(self, views: Views, recorder: Recorder) -> None:
         self._views, self._recorder = views, recorder
+        self._looped: dict[Tree, Equations] = {}
 
-    def _equations(self, *, opened: bool) -> Equations:
-        equations = self._views.opened if opened else self._views.lumped
-        return replace(equations, tree=LoopedTree.of(equations.tree, self._recorder))
+    def opened_at(self, joints: Iterable[int]) -> Equations:
+        equations = self._views.opened_at(joints)
+        if equations.tree not in self._looped:
+            self._looped[equations.tree] = replace(equations, tree=LoopedTree.of(equations.tree, self._recorder))
+        return self._looped[equations.tree]
+
+    @property
+    def opened(self) -> Equations:
+        return self.opened_at(range(len(self._views.lumped.mechanism.joints)))
 
 
 # --- kinds of bodies -----------------------------------------------------------------------------------------------------

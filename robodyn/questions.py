@@ -145,7 +145,7 @@ class KnownReactions(Question):
         return {"wrenches": (len(self.joints), 6)}
 
     def answer(self, views: Views, t: Array | float, q: Array, v: Array, a: Array, u: Array) -> Answer:  # type: ignore[override]
-        return Answer({"wrenches": views.opened.reactions(t, q, v, a, u, self.frame, self.part, self.joints)})
+        return Answer({"wrenches": views.opened_at(self.joints).reactions(t, q, v, a, u, self.frame, self.part, self.joints)})
 
 
 @dataclass(frozen=True)

@@ -32,6 +32,8 @@ class Scene:
     threads: how many share a large batch; all cores if not given, 1 for none; and
     dtype: np.float64, or np.float32 for kernels with twice the lanes and answers in float32. Arrays of other types are converted. Angles,
     positions and pivots then carry 7 digits; backend="numpy" rounds the arrays and its float64 answer to float32.
+    out, where there is one: a C-contiguous array of the result's shape and dtype to write it into, as in NumPy. Fresh memory costs time
+    in large batches. Its contents are undefined after an error.
     Raises InputError for an argument of the wrong shape or value, ModelError where the motion is undetermined.
     """
 
@@ -119,6 +121,7 @@ class Scene:
         backend: str = DEFAULT,
         threads: int | None = None,
         dtype: DTypeLike = np.float64,
+        out: Array | None = None,
     ) -> Array:
         """η̇ (..., nv) [rad/s², m/s²] under the joint forces tau (..., nv) [N m, N], none if not given, and the loads at time t [s].
 
@@ -127,28 +130,48 @@ class Scene:
         """
         question, t = questions.ForwardDynamics(inputs.choice("formalism", formalism, FORMALISMS)), inputs.number("t", t)
         tau = self._supplied(t, q, v, tau, backend)
-        return self.evaluator.ask(question, backend, t=t, threads=threads, dtype=dtype, q=q, v=v, tau=tau)["vdot"]
+        return self.evaluator.ask(question, backend, t=t, threads=threads, dtype=dtype, out=out, q=q, v=v, tau=tau)["vdot"]
 
     # --- what it takes and carries ---
 
     def inverse_dynamics(
-        self, q, v, a, *, t: float = 0.0, backend: str = DEFAULT, threads: int | None = None, dtype: DTypeLike = np.float64
+        self,
+        q,
+        v,
+        a,
+        *,
+        t: float = 0.0,
+        backend: str = DEFAULT,
+        threads: int | None = None,
+        dtype: DTypeLike = np.float64,
+        out: Array | None = None,
     ) -> Array:
         """tau (..., nv) [N m, N] that the joints must supply, beside the loads, for the acceleration a (..., nv)."""
-        t = inputs.number("t", t)
-        tau = self.evaluator.ask(questions.InverseDynamics(), backend, t=t, threads=threads, dtype=dtype, q=q, v=v, a=a)["tau"]
-        answered = self._answered(t, q, v, backend)
-        return tau if answered is None else (tau - answered).astype(tau.dtype)
+        question, t = questions.InverseDynamics(), inputs.number("t", t)
+        tau = self.evaluator.ask(question, backend, t=t, threads=threads, dtype=dtype, out=out, q=q, v=v, a=a)["tau"]
+        if (answered := self._answered(t, q, v, backend)) is not None:
+            tau[...] = tau - answered
+        return tau
 
     def bias_forces(
-        self, q, v, *, t: float = 0.0, backend: str = DEFAULT, threads: int | None = None, dtype: DTypeLike = np.float64
+        self,
+        q,
+        v,
+        *,
+        t: float = 0.0,
+        backend: str = DEFAULT,
+        threads: int | None = None,
+        dtype: DTypeLike = np.float64,
+        out: Array | None = None,
     ) -> Array:
         """−k̂ᶜ − k̂ᵗ (..., nv): `inverse_dynamics` at a = 0; gravity, Coriolis and centrifugal forces, loads."""
-        return self.inverse_dynamics(q, v, None, t=t, backend=backend, threads=threads, dtype=dtype)
+        return self.inverse_dynamics(q, v, None, t=t, backend=backend, threads=threads, dtype=dtype, out=out)
 
-    def mass_matrix(self, q, *, backend: str = DEFAULT, threads: int | None = None, dtype: DTypeLike = np.float64) -> Array:
+    def mass_matrix(
+        self, q, *, backend: str = DEFAULT, threads: int | None = None, dtype: DTypeLike = np.float64, out: Array | None = None
+    ) -> Array:
         """M̂ = JᵀMJ (..., nv, nv)."""
-        return self.evaluator.ask(questions.MassMatrix(), backend, threads=threads, dtype=dtype, q=q)["M"]
+        return self.evaluator.ask(questions.MassMatrix(), backend, threads=threads, dtype=dtype, out=out, q=q)["M"]
 
     def reactions(
         self,
@@ -164,19 +187,20 @@ class Scene:
         backend: str = DEFAULT,
         threads: int | None = None,
         dtype: DTypeLike = np.float64,
+        out: Array | None = None,
     ) -> Reactions:
         """The wrench [M, F] (..., 6) [N m, N] on each joint's child link, from its parent, about the joint's origin.
 
         frame: resolved in the "child" link, the "parent" link or the "world". part: "constraint" is f̌ᵖ, which does no work on
         the free motion; "total" adds what actuator, damping, spring and friction transmit along the free axes.
-        joints: names, all of them if not given: `ground`, fixed and mimic joints included.
+        joints: names, all of them if not given: `ground`, fixed and mimic joints included. out: becomes the `array` of the result.
         """
         indices = self._joints(joints)
         options = inputs.choice("frame", frame, FRAMES), inputs.choice("part", part, PARTS), indices
         question = questions.JointReactions(inputs.choice("formalism", formalism, FORMALISMS), *options)
         t = inputs.number("t", t)
         tau = self._supplied(t, q, v, tau, backend)
-        wrenches = self.evaluator.ask(question, backend, t=t, threads=threads, dtype=dtype, q=q, v=v, tau=tau)["wrenches"]
+        wrenches = self.evaluator.ask(question, backend, t=t, threads=threads, dtype=dtype, out=out, q=q, v=v, tau=tau)["wrenches"]
         return Reactions(tuple(self.robot.all_joint_names[i] for i in indices), wrenches, frame, part)
 
     def reactions_of(
@@ -211,6 +235,8 @@ class Scene:
         """Angular momentum about the ground's origin [N m s] and linear momentum [N s] (..., 6), in the ground's frame."""
         return self.evaluator.ask(questions.Momentum(), backend, threads=threads, dtype=dtype, q=q, v=v)["momentum"]
 
-    def link_poses(self, q, *, backend: str = DEFAULT, threads: int | None = None, dtype: DTypeLike = np.float64) -> Array:
+    def link_poses(
+        self, q, *, backend: str = DEFAULT, threads: int | None = None, dtype: DTypeLike = np.float64, out: Array | None = None
+    ) -> Array:
         """The pose (..., nlinks, 4, 4) of every link's frame in the ground's, in the order of `robot.link_names`."""
-        return self.evaluator.ask(questions.LinkPoses(), backend, threads=threads, dtype=dtype, q=q)["poses"]
+        return self.evaluator.ask(questions.LinkPoses(), backend, threads=threads, dtype=dtype, out=out, q=q)["poses"]

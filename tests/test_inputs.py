@@ -3,6 +3,7 @@
 import io
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import mpmath
 import numpy as np
@@ -576,3 +577,64 @@ def test_a_robot_from_text_is_a_robot():
     """io.StringIO stands in for a file wherever a test or a notebook has none."""
     urdf = '<robot name="one"><link name="only"/></robot>'
     assert rd.load(io.StringIO(urdf)).link_names == ("only",)
+
+
+# --- out= ------------------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def ur5e():
+    return rd.load(Path(__file__).parents[1] / "robots" / "ur5e.urdf")
+
+
+OUTS = {
+    "forward_dynamics": (("q", "v", "tau"), (6,)),
+    "inverse_dynamics": (("q", "v", "tau"), (6,)),
+    "bias_forces": (("q", "v"), (6,)),
+    "mass_matrix": (("q",), (6, 6)),
+    "link_poses": (("q",), (11, 4, 4)),
+    "reactions": (("q", "v", "tau"), (11, 6)),
+}
+
+
+def states(robot, batch):
+    rng = np.random.default_rng(8)
+    return {name: rng.normal(size=(*batch, 6)) for name in ("q", "v", "tau")}
+
+
+@pytest.mark.parametrize("batch", [(), (3,), (4, 5)])
+@pytest.mark.parametrize("backend", ["native", "numpy"])
+@pytest.mark.parametrize("name", OUTS)
+def test_out_holds_what_is_returned_without_it(ur5e, name, backend, batch):
+    given, shape = OUTS[name]
+    shape = (*batch, len(ur5e.links), *shape[1:]) if name in ("link_poses", "reactions") else (*batch, *shape)
+    arrays = [states(ur5e, batch)[x] for x in given]
+    out = np.full(shape, np.nan)
+    found = getattr(ur5e, name)(*arrays, backend=backend, out=out)
+    assert (found.array if name == "reactions" else found) is out
+    fresh = getattr(ur5e, name)(*arrays, backend=backend)
+    assert np.array_equal(out, fresh.array if name == "reactions" else fresh)
+
+
+@pytest.mark.parametrize("backend", ["native", "numpy"])
+def test_an_out_that_cannot_hold_the_result_is_refused(ur5e, backend):
+    x = states(ur5e, (4,))
+    readonly, interleaved = np.empty((4, 6)), np.empty((4, 12))
+    readonly.flags.writeable = False
+    for out, words in (
+        ([0.0] * 6, "must be an array of float64"),
+        (np.empty((4, 6), dtype=np.float32), "an array of float32"),
+        (np.empty((4, 6), dtype=">f8"), "must be an array of float64"),
+        (np.empty(6), r"has the shape \(6,\): the result has \(4, 6\)"),
+        (readonly, "read-only"),
+        (interleaved[:, ::2], "not C-contiguous"),
+        (np.empty((4, 6), order="F"), "not C-contiguous"),
+        (x["tau"], "overlaps tau"),
+    ):
+        with pytest.raises(rd.InputError, match=words):
+            ur5e.forward_dynamics(*x.values(), backend=backend, out=out)
+
+
+def test_out_cannot_hold_fifty_digits(ur5e):
+    with pytest.raises(rd.InputError, match="cannot hold the digits"):
+        ur5e.mass_matrix(np.zeros(6), backend="mpmath", out=np.empty((6, 6)))

@@ -3,14 +3,19 @@
 import dataclasses
 from pathlib import Path
 
+import mpmath
 import numpy as np
 import pytest
-from tools import EPS, SEEDS, Reference, case, condition, error
+from tools import EPS, SEEDS, Reference, case, condition, error, many_digits
 
 import robodyn as rd
+from robodyn.algebra import congruent, rotation
 from robodyn.equations import SWEEPS
+from robodyn.formalism.kinematics import motion
+from robodyn.formalism.nonrecursive import bias_forces, mass_matrix, nonrecursive
+from robodyn.formalism.reactions import joint_wrenches
 from robodyn.joints import Fixed, Free, Prismatic, Revolute, Spherical
-from robodyn.model import GROUND, Inertia, Joint, Limits, Link, Mimic, lump
+from robodyn.model import GROUND, Inertia, Joint, Limits, Link, Mimic, lump, minimal
 
 ROBOTS = Path(__file__).parents[1] / "robots"
 C = 50  # roundings along a path of up to 8 bodies, each a product of 3 × 3 matrices
@@ -101,6 +106,53 @@ def test_inertia_without_mass():
     assert not Inertia.about_centre(1.0, np.zeros(3), np.zeros((3, 3))).is_zero  # a point mass
     assert not Inertia.about_centre(0.0, np.zeros(3), np.diag([0.0, 0.0, 1.0])).is_zero  # a rotor whose mass is counted elsewhere
     assert (zero + Inertia.about_centre(2.0, X, np.eye(3))).mass == 2.0
+
+
+# --- the minimal tree ---
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_the_minimal_tree_moves_alike(seed):
+    """M̂, the bias with wrenches on bodies, and η̇ of base parameters on slid origins, against the robot's own in 50 digits."""
+    c = case(seed)
+    loads = [rd.LinkWrench(name, force=(1.0, 2.0, 3.0), moment=(0.3, 0.1, -0.2)) for name in c.robot.link_names]
+    scene = rd.Scene(c.robot, loads=loads)
+    plain, exact = scene.equations(), scene.equations("mpmath")
+    fewest = minimal(plain.tree)
+    own, acts = [dict(e.wrenches(0.0, x, y)) for e, x, y in ((plain, c.q, c.v), (exact, many_digits(c.q), many_digits(c.v)))]
+    state = motion(fewest.tree, c.q, c.v)
+    with mpmath.workdps(50):
+        q, v = many_digits(c.q), many_digits(c.v)
+        M, bias = exact.mass_matrix(q), exact.bias(q, v, acts)
+        carried = joint_wrenches(exact.tree, motion(exact.tree, q, v), many_digits(0 * c.v), acts, exact.gravity)
+    assert error(mass_matrix(fewest.tree, state, np.dtype(float)), M) < C * EPS
+    found = bias_forces(fewest.tree, state, fewest.wrenches(own), plain.gravity)
+    # What cancels in k̂ is as large as the largest wrench that a joint carries.
+    assert abs(found - bias).max() < C * EPS * max(abs(f).max() for f in carried)
+    vdot = nonrecursive(fewest.tree, c.q, c.v, c.tau, fewest.wrenches(own), plain.gravity).vdot
+    reference = scene.forward_dynamics(c.q, c.v, c.tau, backend="mpmath")
+    assert error(vdot, reference) < C * condition(c.robot, c.q) * EPS
+
+
+def test_the_minimal_tree_of_an_arm_has_base_parameters_alone():
+    """Gautier and Khalil: of ten numbers per revolute link at most seven count; mass, moment along the axis and one across are zero."""
+    robot = rd.load(ROBOTS / "ur5e.urdf")
+    for body in minimal(rd.Scene(robot).equations().tree).tree.bodies:
+        assert body.inertia.mass == 0.0
+        assert body.inertia.moment @ body.joint.axis == 0.0
+        assert (np.diag(body.inertia.tensor) == 0.0).any()
+
+
+def test_a_turn_about_a_coordinate_axis_takes_half_the_products_and_means_the_same():
+    """`congruent` on objects, for every way to name the axes anew, against the product of three matrices."""
+    rng = np.random.default_rng(5)
+    quarter = [rotation(axis, np.array(0.0), np.array(1.0)) for axis in np.eye(3)]
+    turns = [a @ b @ c for a in quarter for b in (np.eye(3), *quarter) for c in (np.eye(3), *quarter)]
+    for turn in turns:
+        for axis in np.eye(3):
+            angle = rng.uniform(-3, 3)
+            R, A = turn @ rotation(axis, np.cos(angle), np.sin(angle)), rng.normal(size=(3, 3))
+            assert error(congruent(R.astype(object), A), R @ A @ R.T) < 8 * EPS  # sums of nine products of up to three roundings
 
 
 # --- the lumped tree ---------------------------------------------------------------------------------------------------

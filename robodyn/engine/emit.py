@@ -10,15 +10,16 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 from . import elementary
-from .functions import LIBRARY, Type, by_lane, declarations, sincos
-from .graph import LEAVES
+from .functions import LIBRARY, TOGETHER, Type, by_lane, declarations, sincos, sincos_together
+from .graph import LEAVES, TRIGONOMETRIC
 from .program import Program
 
 if TYPE_CHECKING:
     from .loops import LoopedPart
     from .sweeps import Looped
 
-PIECE = 2500  # operations in one function: LLVM's time grows faster than linearly beyond
+WHOLE = 10000  # instructions up to which a program is one function: what crosses a border goes through memory
+PIECE = 2500  # instructions in one function beyond: LLVM's time grows faster than linearly, and it spills more than crosses
 BINARY = {"add": "fadd", "sub": "fsub", "mul": "fmul", "div": "fdiv"}
 INTRINSIC = {"sqrt": "sqrt", "abs": "fabs", "min": "minimum", "max": "maximum"}
 # Conditions: i1 in a function; in a slot 1 or 0.
@@ -28,17 +29,32 @@ CONDITION = {"lt": "fcmp olt", "le": "fcmp ole", "eq": "fcmp oeq", "and": "and",
 class Part:
     """A program as functions over slots: what a module that calls it needs to know."""
 
-    def __init__(self, program: Program, t: Type, name: str, slots: dict[Any, int] | None = None, free: int = 0, size: int = PIECE) -> None:
-        """slots: where inputs and outputs are, if not in slots of its own; from `free` on there is room for more."""
+    def __init__(
+        self,
+        program: Program,
+        t: Type,
+        name: str,
+        slots: dict[Any, int] | None = None,
+        *,
+        free: int = 0,
+        size: int | None = None,
+        inline: bool = True,
+    ) -> None:
+        """slots: where inputs and outputs are, if not in slots of its own; from `free` on there is room for more.
+
+        size: instructions in one function, chosen for a program alone if not given. inline: the only call of a function in one piece
+        takes it in; several calls would multiply LLVM's time.
+        """
         self.program, self.name, self.guards = program, name, program.guards
         self._pieces = _pieces(program, size)
+        self._inline = inline and len(self._pieces) == 1
         self.slots, self.size = _slots(program, self._pieces, slots or _own_slots(program), free)
         self._t = t
 
     def functions(self) -> Iterator[str]:
         """The definitions."""
         for k, piece in enumerate(self._pieces):
-            yield from _piece(self.program, self._t, f"{self.name}{k}", piece, self.slots, inline=len(self._pieces) == 1)
+            yield from _piece(self.program, self._t, f"{self.name}{k}", piece, self.slots, inline=self._inline)
 
     def calls(self, slots: str) -> list[str]:
         """The lines that evaluate the program on slots whose inputs are set."""
@@ -50,6 +66,8 @@ def prologue(t: Type, *programs: "Program | Looped") -> Iterator[str]:
     used = {op for program in programs for code in program.programs for op, *_ in code.instructions}
     yield from declarations(t)
     yield from sincos(t)
+    for n in range(1, TOGETHER + 1):
+        yield from sincos_together(t, n)
     for name in sorted(used & LIBRARY.keys()):
         yield from by_lane(t, name)
     for name in sorted(used & elementary.FUNCTIONS.keys()):
@@ -57,10 +75,10 @@ def prologue(t: Type, *programs: "Program | Looped") -> Iterator[str]:
     yield '!0 = !{!"branch_weights", i32 1, i32 100000}'
 
 
-def part(program: "Program | Looped", t: Type, name: str) -> "Part | LoopedPart":
+def part(program: "Program | Looped", t: Type, name: str, *, inline: bool = True) -> "Part | LoopedPart":
     """The functions of a program of either kind."""
     if isinstance(program, Program):
-        return Part(program, t, name)
+        return Part(program, t, name, inline=inline)
     from .loops import LoopedPart
 
     return LoopedPart(program, t, name)
@@ -85,10 +103,10 @@ def module(program: "Program | Looped", lanes: int, scalar: str = "double") -> s
     return "\n".join(lines) + "\n"
 
 
-def _pieces(program: Program, size: int) -> list[range]:
-    """The instructions, cut into runs of at most `size`."""
+def _pieces(program: Program, size: int | None) -> list[range]:
+    """The instructions: all of them, or cut into runs of at most `size`."""
     n = len(program.instructions)
-    count = max(1, -(-n // size))
+    count = max(1, -(-n // (size or (WHOLE if n <= WHOLE else PIECE))))
     ends = [n * k // count for k in range(count + 1)]
     return [range(a, b) for a, b in pairwise(ends)]
 
@@ -156,7 +174,7 @@ def instructions(program: Program, t: Type, piece: range, load: Callable[[int], 
 
     Returns a function that tells the name of any value.
     """
-    F, names, trig = t.float, {}, {}
+    F, names = t.float, {}
 
     def operand(j: int) -> str:
         """The name of value j here; a constant's is itself."""
@@ -167,7 +185,17 @@ def instructions(program: Program, t: Type, piece: range, load: Callable[[int], 
 
     for i in piece:
         op, *args = program.instructions[i]
-        if op in LEAVES:
+        if op in LEAVES or i in names:
+            continue
+        if op in TRIGONOMETRIC:
+            places = _together(program, piece, i)
+            arguments = dict.fromkeys(program.instructions[k][1] for k in places)
+            results = "{" + ", ".join([F] * (2 * len(arguments))) + "}"
+            passed = ", ".join(f"{F} {operand(j)}" for j in arguments)
+            lines.append(f"  %t{i} = call {results} @sincos.{len(arguments)}({passed})")
+            for k, place in places.items():
+                lines.append(f"  %v{k} = extractvalue {results} %t{i}, {place}")
+                names[k] = f"%v{k}"
             continue
         xs = [operand(j) for j in args]
         if op in BINARY:
@@ -183,11 +211,6 @@ def instructions(program: Program, t: Type, piece: range, load: Callable[[int], 
             lines.append(f"  %v{i} = call {F} @llvm.fma.{t.name}({F} {a}, {F} {b}, {F} {c})")
         elif op == "neg":
             lines.append(f"  %v{i} = fneg {F} {xs[0]}")
-        elif op in ("sin", "cos"):
-            if args[0] not in trig:
-                trig[args[0]] = f"%t{i}"
-                lines.append(f"  %t{i} = call {{{F}, {F}}} @sincos({F} {xs[0]})")
-            lines.append(f"  %v{i} = extractvalue {{{F}, {F}}} {trig[args[0]]}, {int(op == 'cos')}")
         elif op in INTRINSIC:
             lines.append(f"  %v{i} = call {F} @llvm.{INTRINSIC[op]}.{t.name}({', '.join(f'{F} {x}' for x in xs)})")
         elif op in CONDITION:
@@ -199,6 +222,19 @@ def instructions(program: Program, t: Type, piece: range, load: Callable[[int], 
             lines.append(f"  %v{i} = call {F} @{op}.lanes({', '.join(f'{F} {x}' for x in xs)})")
         names[i] = f"%v{i}"
     return operand
+
+
+def _together(program: Program, piece: range, start: int) -> dict[int, int]:
+    """The run of sines and cosines from `start` on, of at most TOGETHER arguments; and the place of each in {sin, cos, …} of them."""
+    places: dict[int, int] = {}
+    arguments: dict[int, int] = {}
+    for i in range(start, piece.stop):
+        op, *operands = program.instructions[i]
+        full = len(arguments) == TOGETHER and operands[0] not in arguments
+        if op not in TRIGONOMETRIC or full or operands[0] in places:  # the sine of a cosine has to wait for it
+            break
+        places[i] = 2 * arguments.setdefault(operands[0], len(arguments)) + TRIGONOMETRIC.index(op)
+    return places
 
 
 def _run(part: Part, t: Type) -> Iterator[str]:

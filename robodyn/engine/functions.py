@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 EXACT_BEYOND = 1e5
+TOGETHER = 8  # arguments that share one test for large ones
 
 INTRINSICS = {"fma": 3, "fabs": 1, "sqrt": 1, "rint": 1, "minnum": 2, "maxnum": 2, "minimum": 2, "maximum": 2, "copysign": 2}
 
@@ -105,7 +106,7 @@ def declarations(t: Type) -> Iterator[str]:
 
 
 def sincos(t: Type) -> Iterator[str]:
-    """define {sin, cos} @sincos(x): always inlined, but for the slow path."""
+    """define {sin, cos, large} @sincos(x), always inlined; and {sin, cos} @sincos_exact(x, sin, cos), to replace them where x is large."""
     F, N, B, c = t.float, t.int, t.bool, t.constant
     constants = DOUBLE if t.bits == 64 else SINGLE
     (P1, P2, P3), SIN, COS = constants.half_pi, constants.sin, constants.cos
@@ -119,7 +120,7 @@ def sincos(t: Type) -> Iterator[str]:
             yield fma(f"{name}{i}", value, "%z", c(a))
             value = f"%{name}{i}"
 
-    yield f"define internal {{{F}, {F}}} @sincos({F} %x) alwaysinline nounwind {{"
+    yield f"define internal {{{F}, {F}, {B}}} @sincos({F} %x) alwaysinline nounwind {{"
     # r + t = x − k π/2: x − k P1 is exact, and so are the roundings of k P2 and of the difference.
     yield f"  %turns = fmul {F} %x, {c(2 / 3.141592653589793)}"
     yield f"  %k = call {F} @llvm.rint.{t.name}({F} %turns)"
@@ -151,11 +152,10 @@ def sincos(t: Type) -> Iterator[str]:
     yield fma("wlost", "%z", c(-0.5), "%onew")
     yield f"  %ctail2 = fadd {F} %wlost, %ctail"
     yield f"  %cos0 = fadd {F} %w, %ctail2"
-    # Quadrants. Where x is too large, k means nothing: it is made 0 and the result replaced.
+    # Quadrants. Where x is too large, n is poison, and so are results that `@sincos_exact` replaces lane by lane.
     yield f"  %size = call {F} @llvm.fabs.{t.name}({F} %x)"
     yield f"  %large = fcmp ugt {F} %size, {c(EXACT_BEYOND)}"
-    yield f"  %ksafe = select {B} %large, {F} {c(0.0)}, {F} %k"
-    yield f"  %n = fptosi {F} %ksafe to {N}"
+    yield f"  %n = fptosi {F} %k to {N}"
     yield f"  %n1 = and {N} %n, {t.integer(1)}"
     yield f"  %odd = icmp ne {N} %n1, {t.integer(0)}"
     yield f"  %sq = select {B} %odd, {F} %cos0, {F} %sin0"
@@ -169,28 +169,17 @@ def sincos(t: Type) -> Iterator[str]:
         yield f"  %{name}i = bitcast {F} %{name}q to {N}"
         yield f"  %{name}x = xor {N} %{name}i, %{name}m"
         yield f"  %{name}f = bitcast {N} %{name}x to {F}"
-    if t.lanes == 1:
-        yield "  %any = and i1 %large, true"
-    else:
-        yield f"  %bits = bitcast {B} %large to i{t.lanes}"
-        yield f"  %any = icmp ne i{t.lanes} %bits, 0"
-    yield "  br i1 %any, label %slow, label %done, !prof !0"
-    yield "slow:"
-    yield f"  %exact = call {{{F}, {F}}} @sincos_exact({F} %x, {F} %sf, {F} %cf)"
-    yield f"  %se = extractvalue {{{F}, {F}}} %exact, 0"
-    yield f"  %ce = extractvalue {{{F}, {F}}} %exact, 1"
-    yield "  br label %done"
-    yield "done:"
-    yield f"  %sr = phi {F} [%sf, %0], [%se, %slow]"
-    yield f"  %cr = phi {F} [%cf, %0], [%ce, %slow]"
-    yield f"  %a = insertvalue {{{F}, {F}}} undef, {F} %sr, 0"
-    yield f"  %b = insertvalue {{{F}, {F}}} %a, {F} %cr, 1"
-    yield f"  ret {{{F}, {F}}} %b"
+    pair = f"{{{F}, {F}, {B}}}"
+    yield f"  %a = insertvalue {pair} undef, {F} %sf, 0"
+    yield f"  %b = insertvalue {pair} %a, {F} %cf, 1"
+    yield f"  %r3 = insertvalue {pair} %b, {B} %large, 2"
+    yield f"  ret {pair} %r3"
     yield "}"
 
     # The slow path: lanes beyond the bound by the C library, the others as they are.
     yield f"define internal {{{F}, {F}}} @sincos_exact({F} %x, {F} %s, {F} %c) noinline cold nounwind {{"
     s, co = "%s", "%c"
+    bound = Type(1, t.scalar).constant(EXACT_BEYOND)
     for i in range(t.lanes):
         x = "%x"
         if t.lanes > 1:
@@ -198,26 +187,61 @@ def sincos(t: Type) -> Iterator[str]:
             x = f"%x{i}"
         if t.bits == 32:
             yield f"  %w{i} = fpext float {x} to double"
-            x = f"%w{i}"
-        yield f"  %sl{i} = call double @sin(double {x})"
-        yield f"  %cl{i} = call double @cos(double {x})"
+        wide = f"%w{i}" if t.bits == 32 else x
+        yield f"  %sl{i} = call double @sin(double {wide})"
+        yield f"  %cl{i} = call double @cos(double {wide})"
         exact = f"%sl{i}", f"%cl{i}"
         if t.bits == 32:
             yield f"  %st{i} = fptrunc double %sl{i} to float"
             yield f"  %ct{i} = fptrunc double %cl{i} to float"
             exact = f"%st{i}", f"%ct{i}"
-        if t.lanes == 1:
-            s, co = exact
-            continue
-        yield f"  %a{i} = call {t.scalar} @llvm.fabs.f{t.bits}({t.scalar} %x{i})"
-        yield f"  %l{i} = fcmp ugt {t.scalar} %a{i}, {Type(1, t.scalar).constant(EXACT_BEYOND)}"
+        yield f"  %a{i} = call {t.scalar} @llvm.fabs.f{t.bits}({t.scalar} {x})"
+        yield f"  %l{i} = fcmp ugt {t.scalar} %a{i}, {bound}"
         for name, old, new in (("s", s, exact[0]), ("c", co, exact[1])):
-            yield f"  %{name}n{i} = insertelement {F} {old}, {t.scalar} {new}, i32 {i}"
-            yield f"  %{name}k{i} = select i1 %l{i}, {F} %{name}n{i}, {F} {old}"
+            if t.lanes > 1:
+                yield f"  %{name}n{i} = insertelement {F} {old}, {t.scalar} {new}, i32 {i}"
+                new = f"%{name}n{i}"
+            yield f"  %{name}k{i} = select i1 %l{i}, {F} {new}, {F} {old}"
         s, co = f"%sk{i}", f"%ck{i}"
     yield f"  %p = insertvalue {{{F}, {F}}} undef, {F} {s}, 0"
     yield f"  %q = insertvalue {{{F}, {F}}} %p, {F} {co}, 1"
     yield f"  ret {{{F}, {F}}} %q"
+    yield "}"
+
+
+def sincos_together(t: Type, n: int) -> Iterator[str]:
+    """define {sin, cos, …} @sincos.n(x, …) of n arguments: always inlined, with one test for large arguments and one slow path for all."""
+    F, B, pair = t.float, t.bool, f"{{{t.float}, {t.float}}}"
+    results = "{" + ", ".join([F] * (2 * n)) + "}"
+    yield f"define internal {results} @sincos.{n}({', '.join(f'{F} %x{k}' for k in range(n))}) alwaysinline nounwind {{"
+    large = ""
+    for k in range(n):
+        yield f"  %t{k} = call {{{F}, {F}, {B}}} @sincos({F} %x{k})"
+        for j, name in enumerate(("s", "c", "l")):
+            yield f"  %{name}{k} = extractvalue {{{F}, {F}, {B}}} %t{k}, {j}"
+        if large:
+            yield f"  %any{k} = or {B} {large}, %l{k}"
+        large = f"%any{k}" if large else f"%l{k}"
+    if t.lanes > 1:
+        yield f"  %bits = bitcast {B} {large} to i{t.lanes}"
+        yield f"  %any = icmp ne i{t.lanes} %bits, 0"
+        large = "%any"
+    yield f"  br i1 {large}, label %slow, label %done, !prof !0"
+    yield "slow:"
+    for k in range(n):
+        yield f"  %e{k} = call {pair} @sincos_exact({F} %x{k}, {F} %s{k}, {F} %c{k})"
+        yield f"  %se{k} = extractvalue {pair} %e{k}, 0"
+        yield f"  %ce{k} = extractvalue {pair} %e{k}, 1"
+    yield "  br label %done"
+    yield "done:"
+    value = "undef"
+    for k in range(n):
+        yield f"  %sr{k} = phi {F} [%s{k}, %0], [%se{k}, %slow]"
+        yield f"  %cr{k} = phi {F} [%c{k}, %0], [%ce{k}, %slow]"
+    for j in range(2 * n):
+        yield f"  %r{j} = insertvalue {results} {value}, {F} %{'sc'[j % 2]}r{j // 2}, {j}"
+        value = f"%r{j}"
+    yield f"  ret {results} {value}"
     yield "}"
 
 

@@ -15,6 +15,7 @@ from ..dispatch import Symbolic
 
 Node = tuple[Any, ...]  # (operation, operand, …): operands are node numbers, of "const" a float, of "in" a name and an index
 
+TRIGONOMETRIC = ("sin", "cos")
 LEAVES = ("const", "in")
 ODD = ("sin", "tan", "tanh", "asin", "atan", "sinh")
 EVEN = ("cos", "cosh", "abs")

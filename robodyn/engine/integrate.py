@@ -22,6 +22,7 @@ DONE, PAUSED, STEP_TOO_SMALL, NOT_FINITE = range(4)  # what `advance` returns
 # The numbers that `advance` reads and writes, each a double.
 HEADER = ("t", "h", "t0", "t_end", "count", "rtol", "atol", "next", "steps", "rejected", "evaluations", "started", "shrink")
 ON_STACK = 4000  # entries of the workspace up to which it is on the stack, from where LLVM lifts it into registers
+INLINED = 3000  # operations of the right-hand side, times its calls, up to which each call takes it in
 UNROLLED = 48  # entries of a state vector up to which loops over it are written out
 
 SAFETY, SHRINK, GROW = 0.9, 0.2, 10.0  # of the step size control
@@ -64,8 +65,8 @@ def stages(method: Method) -> int:
 class _Writer:
     def __init__(self, method: Method, rhs: Program | Looped, project: Program | None, t: Type) -> None:
         self.m, self.t, self.nx, self.code = method, t, rhs.inputs["x"], Code()
-        self.f = emit.part(rhs, t, "f")
-        self.project = emit.part(project, t, "project") if project else None
+        self.f = emit.part(rhs, t, "f", inline=stages(method) * rhs.length <= INLINED)
+        self.project = emit.part(project, t, "project", inline=False) if project else None
         self.header = {name: f"%header.{name}" for name in HEADER}
         self.workspace = self.f.size + self.nx + (self.project.size if self.project else 0)
         self.large = self.workspace > ON_STACK

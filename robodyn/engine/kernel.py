@@ -19,6 +19,7 @@ from .sweeps import Looped
 
 DOUBLE, SINGLE = np.dtype(np.float64), np.dtype(np.float32)
 SCALARS = {DOUBLE: "double", SINGLE: "float"}  # what LLVM calls them
+NOTHING: Mapping[str, Array] = MappingProxyType({})
 WORK = 5_000_000  # instructions times rows that a thread should have to do, about 0.2 ms: handing work over costs a tenth of it
 
 
@@ -34,20 +35,24 @@ class Kernel:
         self._functions: dict[int, Any] = {}
         self._lock = threading.Lock()
 
-    def __call__(self, batch: tuple[int, ...], arrays: Mapping[str, Array], threads: int | None = None) -> tuple[dict[str, Array], int]:
+    def __call__(
+        self, batch: tuple[int, ...], arrays: Mapping[str, Array], threads: int | None = None, out: Mapping[str, Array] = NOTHING
+    ) -> tuple[dict[str, Array], int]:
         """Outputs (*batch, size) by name, and the first row of a block in which something was not finite or a guard failed; −1: none.
 
         arrays: one per input, converted to the kernel's dtype, (*batch, size) or with leading dimensions that broadcast to the batch.
+        out: arrays of the dtype without gaps to write outputs into; new ones are made for the others.
         """
         n = math.prod(batch)
         rows = [_rows(arrays[name], batch, size, self.dtype) for name, size in self.program.inputs.items()]
-        outputs = {name: np.empty((*batch, len(values)), self.dtype) for name, values in self.program.outputs.items()}
+        sizes = {name: len(values) for name, values in self.program.outputs.items()}
+        outputs = {name: out[name] if name in out else np.empty((*batch, size), self.dtype) for name, size in sizes.items()}
         width = lanes() * DOUBLE.itemsize // self.dtype.itemsize
         width = width if n >= width else 1
         run = self._functions.get(width) or self._compiled(width)
         ins = [(x.ctypes.data, stride) for x, stride in rows]
+        outs = [(outputs[name].ctypes.data, size) for name, size in sizes.items()]
         item = self.dtype.itemsize
-        outs = [(out.ctypes.data, out.shape[-1]) for out in outputs.values()]
 
         def part(first: int, last: int) -> int:
             arguments = [a for pointer, stride in ins for a in (pointer + item * stride * first, stride)]

@@ -25,7 +25,7 @@ class LoopedPart:
         self.program, self.name, self._t = program, name, t
         self.guards = (TRUSTED,)
         self._straight = {
-            n: Part(item.program, t, f"{name}{n}.", item.slots, program.size + 1, STRAIGHT)
+            n: Part(item.program, t, f"{name}{n}.", item.slots, free=program.size + 1, size=STRAIGHT)
             for n, item in enumerate(program.items)
             if isinstance(item, Straight)
         }

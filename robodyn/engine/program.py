@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from .graph import LEAVES, Graph, Scalar
+from .graph import LEAVES, TRIGONOMETRIC, Graph, Scalar
 
 Instruction = tuple[Any, ...]  # (operation, operand, …), as in a graph; "fma" a·b + c, "fms" a·b − c, "fnma" c − a·b
 
@@ -56,7 +56,7 @@ def program(graph: Graph, inputs: Mapping[str, int], outputs: Mapping[str, np.nd
 
     numbers: dict[int, int] = {}
     code: list[Instruction] = []
-    for i in live:
+    for i in _ordered(graph, live, wanted):
         if i in absorbed:
             continue
         op, *operands = fused.get(i, graph.nodes[i])
@@ -64,6 +64,39 @@ def program(graph: Graph, inputs: Mapping[str, int], outputs: Mapping[str, np.nd
         code.append((op, *(operands if op in LEAVES else (numbers[j] for j in operands))))
     places = {name: tuple(numbers[x.number] for x in xs) for name, xs in scalars.items()}
     return Program(tuple(code), dict(inputs), places, tuple(numbers[x.number] for x in checks))
+
+
+def _ordered(graph: Graph, live: list[int], wanted: list[Scalar]) -> list[int]:
+    """An order of evaluation for machines: sines and cosines first, in runs, then depth first, so that few values wait at a time."""
+    nodes = graph.nodes
+    depth, level = {}, {}  # the longest way to a node, in operations and in sines and cosines
+    for i in live:
+        op, *operands = nodes[i]
+        below = () if op in LEAVES else operands
+        depth[i] = 1 + max((depth[j] for j in below), default=0)
+        level[i] = (op in TRIGONOMETRIC) + max((level[j] for j in below), default=0)
+
+    order: dict[int, None] = {}
+
+    def add(i: int) -> None:
+        todo = [i]
+        while todo:
+            i = todo[-1]
+            below = () if i in order or nodes[i][0] in LEAVES else nodes[i][1:]
+            missing = [j for j in below if j not in order]
+            if missing:
+                todo += sorted(missing, key=lambda j: depth[j])  # the deepest first
+            else:
+                order[todo.pop()] = None
+
+    for k in range(1, max(level.values(), default=0) + 1):
+        run = [i for i in live if nodes[i][0] in TRIGONOMETRIC and level[i] == k]
+        for i in run:
+            add(nodes[i][1])
+        order |= dict.fromkeys(run)
+    for x in wanted:
+        add(x.number)
+    return list(order)
 
 
 def _fused(graph: Graph, live: list[int], wanted: list[Scalar]) -> tuple[dict[int, Instruction], set[int]]:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..algebra import column, cross, dot, joined, mirrored, mul, skew, stacked, transpose
+from ..algebra import column, congruent, cross, dot, joined, mirrored, mul, skew, stacked, transpose
 from ..arithmetic import Array, dtype_of, known, zeros
 from ..model import Inertia
 
@@ -84,7 +84,7 @@ class RigidInertia(NamedTuple):
         """The same matter about the parent's O, resolved in the parent: Steiner's theorem, from O to O."""
         R, x, h = X.R, skew(X.r), mul(X.R, self.moment)
         xh = x @ skew(h)
-        turned = mirrored(R @ self.tensor @ transpose(R))
+        turned = mirrored(congruent(R, self.tensor))
         return RigidInertia(mirrored(turned - xh - transpose(xh) - self.mass * (x @ x)), h + self.mass * X.r, self.mass)
 
     def matrix(self) -> Array:
@@ -138,8 +138,8 @@ class ArticulatedInertia(NamedTuple):
 
     def to_parent(self, X: Pose) -> "ArticulatedInertia":
         """The same about the parent's O, resolved in the parent."""
-        R, Rt, x = X.R, transpose(X.R), skew(X.r)
-        Theta, H, M = mirrored(R @ self.Theta @ Rt), R @ self.H @ Rt, mirrored(R @ self.M @ Rt)
+        R, x = X.R, skew(X.r)
+        Theta, H, M = mirrored(congruent(R, self.Theta)), congruent(R, self.H), mirrored(congruent(R, self.M))
         shifted = H + x @ M
         return ArticulatedInertia(mirrored(Theta + x @ transpose(H) - shifted @ x), shifted, M)
 

@@ -67,6 +67,15 @@ class JointType(ABC):
         """W (..., 6, nv): the wrench on the child of joint forces u is W u, and Sᵀ W = 1."""
         return self.motion(q)
 
+    @property
+    def sliding(self) -> Array:
+        """Directions (3, k), in the child's frame, along which the child's reference point may be put elsewhere: S stays the same."""
+        return np.zeros((3, 0))
+
+    def indifferent(self, mass: float, moment: Array, tensor: Array) -> tuple[float, Array, Array] | None:
+        """The part of the child's inertia (m, m ρ, Θ) that moves alike, whatever β is, if the parent has it; None where there is none."""
+        return None
+
     def rate(self, q: Array, v: Array) -> Array:
         """β̇ = H(β) η (..., nq), eq. (5)."""
         return v

@@ -28,6 +28,16 @@ class Revolute(AxisJoint):
     def motion(self, q: Array) -> Array:
         return np.concatenate([self.axis, np.zeros(3)])[:, None]
 
+    @property
+    def sliding(self) -> Array:
+        return self.axis[:, None]
+
+    def indifferent(self, mass: float, moment: Array, tensor: Array) -> tuple[float, Array, Array]:
+        # What a turn about the axis leaves as it is and the axis does not feel: mass on the axis, and equal moments across it.
+        e = self.axis
+        across = int(np.argmin(abs(e)))
+        return mass, (moment @ e) * e, tensor[across, across] * (np.eye(3) - np.outer(e, e))
+
 
 @dataclass(frozen=True, eq=False)
 class Continuous(Revolute):

@@ -3,6 +3,7 @@
 from .geometry import Box, Cylinder, Geometry, Mesh, Sphere, Visual
 from .inertia import Inertia
 from .mechanism import GROUND, Joint, Limits, Link, Mechanism, Mimic
+from .minimal import Minimal, minimal
 from .tree import Body, Field, Tree, lump
 
 __all__ = [
@@ -19,8 +20,10 @@ __all__ = [
     "Mechanism",
     "Mesh",
     "Mimic",
+    "Minimal",
     "Sphere",
     "Tree",
     "Visual",
     "lump",
+    "minimal",
 ]

@@ -58,3 +58,6 @@ class Inertia:
 
     def __add__(self, other: "Inertia") -> "Inertia":
         return Inertia(self.mass + other.mass, frozen(self.moment + other.moment), frozen(self.tensor + other.tensor))
+
+    def __sub__(self, other: "Inertia") -> "Inertia":
+        return Inertia(self.mass - other.mass, frozen(self.moment - other.moment), frozen(self.tensor - other.tensor))

@@ -207,3 +207,22 @@ def test_scalar_and_vector_code_give_the_same_bits(name):
     alone = [k((1,), {"x": np.array([x])})[0]["y"].item() for x in xs]
     assert np.array_equal(together["y"][:, 0], alone)
     assert np.allclose(alone, getattr(np, name)(xs), rtol=4e-16, atol=0)
+
+
+def test_large_arguments_change_nothing_about_the_others():
+    """Arguments of one state share the test for large ones: those that are not keep their bits, alone and side by side."""
+    rng, n = np.random.default_rng(3), 11  # more than share one test
+    graph = Graph()
+    x = graph.inputs("x", (n,))
+    y = np.concatenate([arithmetic.sin(x), arithmetic.cos(x), arithmetic.sin(arithmetic.cos(x))])
+    together = Kernel(program(graph, {"x": n}, {"y": y}))
+    xs = rng.uniform(-4, 4, (40, n))
+    plain, _ = together((40,), {"x": xs})
+    large = rng.random((40, n)) < 0.2
+    mixed = np.where(large, 1e7 * xs, xs)
+    found, bad = together((40,), {"x": mixed})
+    assert bad == -1
+    unchanged = np.tile(~large, 3)
+    assert np.array_equal(found["y"][unchanged], plain["y"][unchanged])
+    assert np.allclose(found["y"], np.concatenate([np.sin(mixed), np.cos(mixed), np.sin(np.cos(mixed))], axis=-1), rtol=0, atol=3e-16)
+    assert np.array_equal(found["y"], np.stack([together((1,), {"x": x[None]})[0]["y"][0] for x in mixed]))

@@ -149,6 +149,7 @@ def test_long_programs_are_cut_and_compute_the_same(monkeypatch):
     program = evaluator.kernel(ForwardDynamics("nonrecursive")).program
     arrays = {"q": q, "v": v, "tau": tau, "t": np.zeros(1)}
     expected, _ = Kernel(program)((9,), arrays)
+    monkeypatch.setattr(emit, "WHOLE", 200)
     monkeypatch.setattr(emit, "PIECE", 200)
     found, bad = Kernel(program)((9,), arrays)
     assert bad == -1
