@@ -15,11 +15,15 @@ SINGLES = 256
 
 
 def batch(subject: Subject) -> Iterator[Contest]:
-    """The user's C-ordered arrays in one call, beside Pinocchio's abaInParallel with one thread on arrays of its own order."""
+    """The user's C-ordered arrays in one call, beside Pinocchio's abaInParallel with one thread on arrays of its own order.
+
+    Both write into an array that is there already.
+    """
     robot, (q, v, tau), n = subject.robot, subject.states, len(subject.states[0])
+    vdot = np.empty((n, robot.nv))
 
     def ours() -> Any:
-        return robot.forward_dynamics(q, v, tau, threads=1)
+        return robot.forward_dynamics(q, v, tau, threads=1, out=vdot)
 
     theirs: dict[str, Any] = {"note": subject.pinocchio}
     if not isinstance(pair := subject.pinocchio, str):
@@ -41,9 +45,10 @@ def reactions(subject: Subject) -> Iterator[Contest]:
     robot, (q, v, tau), few, n = subject.robot, subject.states, subject.few, len(subject.states[0])
     moving = [joint.name for joint in robot.joints if joint.type.nv]
     exact = robot.reactions(*few, part="total", joints=moving, backend="mpmath").array
+    wrenches = np.empty((n, len(moving), 6))
 
     def ours() -> Any:
-        return robot.reactions(q, v, tau, part="total", joints=moving, threads=1)
+        return robot.reactions(q, v, tau, part="total", joints=moving, threads=1, out=wrenches)
 
     theirs: dict[str, Any] = {"note": subject.pinocchio}
     if not isinstance(pair := subject.pinocchio, str):
@@ -57,8 +62,8 @@ def reactions(subject: Subject) -> Iterator[Contest]:
                 pin.rnea(model, data, state[0], state[1], a)
 
         found = [pair.joint_wrenches(q, v, pair.forward_dynamics(q, v, tau)) for q, v, tau in zip(*few, strict=True)]
-        wrenches = np.array([[wrench[joint] for joint in moving] for wrench in found])
-        theirs = {"peer": f"{name} loop of aba + rnea", "theirs": loop, "peer_units": len(states), "peer_error": error(wrenches, exact)}
+        here = np.array([[wrench[joint] for joint in moving] for wrench in found])
+        theirs = {"peer": f"{name} loop of aba + rnea", "theirs": loop, "peer_units": len(states), "peer_error": error(here, exact)}
         theirs["note"] = _remark(pair)
     ours_error = error(ours().array[: len(exact)], exact)
     yield Contest("reactions", "… and every moving joint's wrench", ours, n, error=ours_error, **theirs)
