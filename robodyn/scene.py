@@ -169,9 +169,9 @@ class Scene:
         """Potential energy (...) [J] of gravity, zero with the centre of mass in the ground's origin, and of springs."""
         return self.evaluator.ask(questions.Energies(), backend, t=inputs.number("t", t), threads=threads, q=q, v=None)["potential"][()]
 
-    def momentum(self, q, v, *, backend: str = DEFAULT, threads: int | None = None) -> Array:
+    def momentum(self, q, v, *, backend: str = DEFAULT, threads: int | None = None, out: Array | None = None) -> Array:
         """Angular momentum about the ground's origin [N m s] and linear momentum [N s] (..., 6), in the ground's frame."""
-        return self.evaluator.ask(questions.Momentum(), backend, threads=threads, q=q, v=v)["momentum"]
+        return self.evaluator.ask(questions.Momentum(), backend, threads=threads, out=out, q=q, v=v)["momentum"]
 
     def link_poses(self, q, *, backend: str = DEFAULT, threads: int | None = None, out: Array | None = None) -> Array:
         """The pose (..., nlinks, 4, 4) of every link's frame in the ground's, in the order of `robot.link_names`."""
