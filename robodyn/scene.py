@@ -231,9 +231,11 @@ class Scene:
             "potential"
         ][()]
 
-    def momentum(self, q, v, *, backend: str = DEFAULT, threads: int | None = None, dtype: DTypeLike = np.float64) -> Array:
+    def momentum(
+        self, q, v, *, backend: str = DEFAULT, threads: int | None = None, dtype: DTypeLike = np.float64, out: Array | None = None
+    ) -> Array:
         """Angular momentum about the ground's origin [N m s] and linear momentum [N s] (..., 6), in the ground's frame."""
-        return self.evaluator.ask(questions.Momentum(), backend, threads=threads, dtype=dtype, q=q, v=v)["momentum"]
+        return self.evaluator.ask(questions.Momentum(), backend, threads=threads, dtype=dtype, out=out, q=q, v=v)["momentum"]
 
     def link_poses(
         self, q, *, backend: str = DEFAULT, threads: int | None = None, dtype: DTypeLike = np.float64, out: Array | None = None

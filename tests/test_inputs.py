@@ -592,6 +592,7 @@ OUTS = {
     "inverse_dynamics": (("q", "v", "tau"), (6,)),
     "bias_forces": (("q", "v"), (6,)),
     "mass_matrix": (("q",), (6, 6)),
+    "momentum": (("q", "v"), (6,)),
     "link_poses": (("q",), (11, 4, 4)),
     "reactions": (("q", "v", "tau"), (11, 6)),
 }

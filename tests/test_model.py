@@ -134,6 +134,27 @@ def test_the_minimal_tree_moves_alike(seed):
     assert error(vdot, reference) < C * condition(c.robot, c.q) * EPS
 
 
+@pytest.mark.parametrize("length", [1.0, 30.0, 1000.0])
+@pytest.mark.parametrize("aligned", [False, True])
+@pytest.mark.parametrize("seed", range(12))
+def test_the_minimal_tree_keeps_its_digits_where_joints_are_far_apart(seed, aligned, length):
+    """Offsets up to a thousand times the size of the links, axes in general position and along the frames'."""
+    robot = case(seed, n=6, joint_types=("revolute", "prismatic"), floating_base=False).robot
+    rng, joints = np.random.default_rng(seed), []
+    for joint in robot.joints:
+        kind, R = joint.type, joint.rotation
+        if aligned and kind.nv:
+            kind = type(kind).from_axis(np.eye(3)[rng.integers(3)] * rng.choice([-1, 1]))
+            R = rotation(np.eye(3)[rng.integers(3)], *rng.permutation([0.0, 1.0]))
+        joints.append(dataclasses.replace(joint, type=kind, rotation=R, translation=joint.translation * length))
+    robot = dataclasses.replace(robot, joints=tuple(joints))
+    q, v = robot.random_state(rng)
+    exact = rd.Scene(robot, declared=False).forward_dynamics(q, v, backend="mpmath", formalism="nonrecursive")
+    tree = rd.Scene(robot, declared=False).equations().tree
+    found = nonrecursive(minimal(tree).tree, q, v, np.zeros(robot.nv), {}, np.array([0.0, 0.0, -9.81])).vdot
+    assert error(found, exact) < C * condition(robot, q) * EPS
+
+
 def test_the_minimal_tree_of_an_arm_has_base_parameters_alone():
     """Gautier and Khalil: of ten numbers per revolute link at most seven count; mass, moment along the axis and one across are zero."""
     robot = rd.load(ROBOTS / "ur5e.urdf")

@@ -68,9 +68,9 @@ class JointType(ABC):
         return self.motion(q)
 
     @property
-    def sliding(self) -> Array:
-        """Directions (3, k), in the child's frame, along which the child's reference point may be put elsewhere: S stays the same."""
-        return np.zeros((3, 0))
+    def line(self) -> Array | None:
+        """Direction (3,), in the child's frame, along which the child's reference point may be put elsewhere: it turns about this line."""
+        return None
 
     def indifferent(self, mass: float, moment: Array, tensor: Array) -> tuple[float, Array, Array] | None:
         """The part of the child's inertia (m, m ρ, Θ) that moves alike, whatever β is, if the parent has it; None where there is none."""

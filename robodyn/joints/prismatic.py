@@ -23,9 +23,5 @@ class Prismatic(AxisJoint):
     def motion(self, q: Array) -> Array:
         return np.concatenate([np.zeros(3), self.axis])[:, None]
 
-    @property
-    def sliding(self) -> Array:
-        return np.eye(3)
-
     def indifferent(self, mass: float, moment: Array, tensor: Array) -> tuple[float, Array, Array]:
         return 0.0, np.zeros(3), tensor

@@ -29,8 +29,8 @@ class Revolute(AxisJoint):
         return np.concatenate([self.axis, np.zeros(3)])[:, None]
 
     @property
-    def sliding(self) -> Array:
-        return self.axis[:, None]
+    def line(self) -> Array:
+        return self.axis
 
     def indifferent(self, mass: float, moment: Array, tensor: Array) -> tuple[float, Array, Array]:
         # What a turn about the axis leaves as it is and the axis does not feel: mass on the axis, and equal moments across it.

@@ -18,9 +18,7 @@ import numpy as np
 from ..algebra import cross, frozen, joined
 from ..arithmetic import Array
 from .inertia import Inertia
-from .tree import Tree
-
-NEAR = 1e-15  # [m] what is left of a coordinate that a slide takes to zero
+from .tree import Body, Tree
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,8 +44,8 @@ def minimal(tree: Tree) -> Minimal:
     slides: list[Array] = []
     for i, body in enumerate(bodies):
         r = body.translation - slides[body.parent] if body.parent >= 0 else body.translation
-        slide, r = _slid(r, body.rotation @ body.joint.sliding, body.joint.sliding)
-        slides.append(slide)
+        slides.append(slide := _slide(r, body))
+        r = np.where(body.rotation @ slide, 0.0, r)
         inertia = body.inertia.seen_from(np.eye(3), -slide) if slide.any() else body.inertia
         bodies[i] = replace(body, translation=frozen(r), inertia=inertia)
 
@@ -65,14 +63,13 @@ def minimal(tree: Tree) -> Minimal:
     return Minimal(replace(tree, bodies=tuple(bodies)), tuple(slides))
 
 
-def _slid(r: Array, directions: Array, own: Array) -> tuple[Array, Array]:
-    """How far an origin at r (3,) slides along `own` (3, k), and where it is then; `directions` (3, k) are the same as r is resolved."""
-    best = np.zeros(3), r
-    for k in range(3) if directions.shape[1] == 1 else ():
-        if abs(directions[k, 0]) > 0.5:
-            s = -r[k] / directions[k, 0]
-            there = r + s * directions[:, 0]
-            there = np.where(abs(there) <= NEAR, 0.0, there)
-            if np.count_nonzero(there) < np.count_nonzero(best[1]):
-                best = s * own[:, 0], there
-    return best if directions.shape[1] < 3 else (-directions.T @ r, np.zeros(3))
+def _slide(r: Array, body: Body) -> Array:
+    """How far (3,) [m] the origin of a body, at r (3,) of its parent's, slides in its own frame.
+
+    Only along coordinate axes of both frames: one coordinate of r becomes zero, no other changes, and no origin gets farther from
+    its parent's. Slides in other directions save products too, and cost digits where a robot is long against the size of its links.
+    """
+    e = body.joint.line
+    if e is None or np.count_nonzero(e) != 1 or np.count_nonzero(a := body.rotation @ e) != 1:
+        return np.zeros(3)
+    return -(a @ r) * e
