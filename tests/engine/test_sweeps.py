@@ -1,7 +1,7 @@
 """Recorded sweeps over hand-made forests against plain loops over NumPy arrays. Nothing here knows of robots.
 
-Where nothing else is said, every number is a small integer, so that float64 adds, multiplies and fuses them without rounding, and results are
-compared for equality.
+Where nothing else is said, every number is a small integer, so that float64 adds, multiplies and fuses them without rounding: results
+are compared for equality.
 """
 
 import pickle
@@ -303,7 +303,8 @@ def test_several_forests_and_what_goes_from_one_to_the_other():
     wood, other, rng = Wood(9, 40), Wood(10, 70), np.random.default_rng(9)
     other.recorder = wood.recorder
     other.forest = wood.recorder.forest(Forest(other.kinds, other.parents, {"x": other.starts}, other.parameters))
-    x, y = wood.recorder.inputs("x", (wood.size,)), wood.recorder.inputs("y", (other.size,))
+    wood.recorder.inputs("x", (wood.size,))
+    y = wood.recorder.inputs("y", (other.size,))
 
     def step(kind, p, comes, x):
         return (comes[0] + p[0],), x + comes[0]
@@ -332,7 +333,7 @@ def test_several_forests_and_what_goes_from_one_to_the_other():
 
 @pytest.mark.parametrize("seed", range(12))
 def test_random_sweeps_one_after_the_other(seed):
-    """Some dozen random passes, each over what some before it kept; numbers stay small because steps add, and multiply by parameters of ±1."""
+    """Random passes, each over what some before it kept. Steps add, and multiply by parameters of ±1: numbers stay small."""
     rng = np.random.default_rng([5, seed])
     wood = Wood(100 + seed, int(rng.integers(1, 40)))
     wood.parameters[:] = [np.sign(p) for p in wood.parameters]
