@@ -83,7 +83,8 @@ class Evaluator:
 
     def _mass_matrix(self, q: object, threads: int | None) -> Array:
         """M̂ (..., nv, nv) of a robot of many bodies: what unit accelerations take at rest, without gravity and loads."""
-        x = inputs.array("q", q, self.robot.nq, f"nq of {self.robot.name!r}")
+        x = inputs.checked(self.robot, {"q": q})["q"]
+        inputs.unit_quaternions(self.views().lumped.side_conditions(x))
         M = self._at_rest.ask(InverseDynamics(), q=x[..., None, :], v=None, a=np.eye(self.robot.nv), threads=threads)["tau"]
         return np.triu(M) + np.swapaxes(np.triu(M, 1), -1, -2)
 
