@@ -126,7 +126,8 @@ class Evaluator:
 
     def _mass_matrix(self, q: object, threads: int | None, dtype: np.dtype) -> Array:
         """M̂ (..., nv, nv) of a robot of many bodies: what unit accelerations take at rest, without gravity and loads."""
-        x, units = inputs.array("q", q, self.robot.nq, f"nq of {self.robot.name!r}"), np.eye(self.robot.nv)
+        x, units = inputs.checked(self.robot, {"q": q})["q"], np.eye(self.robot.nv)
+        inputs.unit_quaternions(self.views().lumped.side_conditions(x))
         M = self._at_rest.ask(InverseDynamics(), q=x[..., None, :], v=None, a=units, threads=threads, dtype=dtype)["tau"]
         return np.triu(M) + np.swapaxes(np.triu(M, 1), -1, -2)
 
