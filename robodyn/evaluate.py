@@ -234,7 +234,8 @@ class Evaluator:
         sizes = {"t": 1, "x": nq + nv + 1} | ({"h": 1} if semi_implicit else {}) | ({"held": nv} if held else {})
         arrays = {name: graph.inputs(name, (n,)) for name, n in sizes.items()}
         q, v, tau = arrays["x"][:nq], arrays["x"][nq : nq + nv], arrays.get("held", np.zeros(nv))
-        answer = Evolution(formalism).answer(views, arrays["t"][0], q, v, tau)
+        with np.errstate(all="ignore"):  # as in `_traced`
+            answer = Evolution(formalism).answer(views, arrays["t"][0], q, v, tau)
         qdot, vdot, power = (np.asarray(answer.values[name]) for name in ("qdot", "vdot", "power"))
         if semi_implicit:
             qdot = views.lumped.rate(q, v + vdot * arrays["h"])

@@ -29,4 +29,4 @@ def momentum(tree: Tree, state: Motion) -> Array:
     def of_body(body: Body, X: Pose, twist: Array) -> Array:
         return wrench_to_parent(X, RigidInertia.of(body.inertia).times(twist))
 
-    return tree.total(of_body, world_poses(tree, state.pose), state.twist)
+    return np.zeros(6) + tree.total(of_body, world_poses(tree, state.pose), state.twist)
