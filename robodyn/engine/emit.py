@@ -9,6 +9,8 @@ from collections.abc import Callable, Iterator
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from .functions import Type, by_lane, declarations, sincos
 from .graph import LEAVES
 from .program import Program
@@ -17,6 +19,7 @@ if TYPE_CHECKING:
     from .loops import LoopedPart
     from .sweeps import Looped
 
+RUN = "evaluate"  # the part that `run` of a module calls
 PIECE = 2500  # operations in one function: LLVM's time grows faster than linearly beyond
 BINARY = {"add": "fadd", "sub": "fsub", "mul": "fmul", "div": "fdiv"}
 INTRINSIC = {"sqrt": "sqrt", "abs": "fabs", "min": "minnum", "max": "maxnum"}
@@ -63,6 +66,11 @@ def part(program: "Program | Looped", t: Type, name: str) -> "Part | LoopedPart"
     return LoopedPart(program, t, name)
 
 
+def tables(**programs: "Program | Looped | None") -> dict[str, np.ndarray]:
+    """What the code of programs reads beside its arguments, by the names that it has in a module with parts of these names."""
+    return {f"{name}.{key}": x for name, program in programs.items() if program for key, x in program.tables.items()}
+
+
 def module(program: "Program | Looped", lanes: int) -> str:
     """IR text with `i64 @run(ptr in…, i64 stride…, ptr out…, i64 count)`, for a count of 0, or of at least `lanes`.
 
@@ -74,7 +82,7 @@ def module(program: "Program | Looped", lanes: int) -> str:
 
         return loops.module(program, lanes)
     t = Type(lanes)
-    piece = Part(program, t, "piece")
+    piece = Part(program, t, RUN)
     lines = [*prologue(t, program), *piece.functions(), *_run(piece, t)]
     if lanes > 1:
         lines.append(f"declare {t.float} @llvm.masked.load.{t.name}.p0(ptr, i32, {t.bool}, {t.float})")

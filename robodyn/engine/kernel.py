@@ -73,7 +73,7 @@ class Kernel:
     def _compiled(self, width: int) -> Any:
         with self._lock:
             if width not in self._functions:
-                self._functions[width] = self._function(load(emit.module(self.program, width), self.program.tables))
+                self._functions[width] = self._function(load(emit.module(self.program, width), emit.tables(**{emit.RUN: self.program})))
                 for listener in self._listeners if width > 1 else ():
                     listener(self._functions[width])
         return self._functions[width]

@@ -34,10 +34,11 @@ def compiled(evaluator: Evaluator, method: str, formalism: str, lanes: int) -> A
     assert integrator.tableau is not None
     tableau = integrator.tableau()
     rhs = evaluator.evolution(formalism, semi_implicit=integrator.semi_implicit)
-    loaded = load(integrate.module(tableau, rhs, evaluator.projection(), lanes), rhs.tables)
+    project = evaluator.projection()
+    loaded = load(integrate.module(tableau, rhs, project, lanes), integrate.tables(rhs, project))
     function = loaded.function("advance", *[ctypes.c_void_p] * 4, ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64)
     function.owner = loaded  # the code lives as long as the function
-    return Advance(function, integrate.room(tableau, rhs, evaluator.projection()), rhs.inputs["x"], lanes, integrator.adaptive)
+    return Advance(function, integrate.room(tableau, rhs, project), rhs.inputs["x"], lanes, integrator.adaptive)
 
 
 class Run:
