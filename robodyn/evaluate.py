@@ -204,11 +204,16 @@ class Evaluator:
         tree = self.views().lumped.tree
         return len(tree.bodies) > UNROLLED and not tree.has_mimic
 
+    def _symbolic(self, looped: bool) -> tuple[Graph | Recorder, Views]:
+        """What records operations on symbols, and the equations to trace on it."""
+        if not looped:
+            return Graph(), self.views("native")
+        recorder = Recorder()
+        return recorder, LoopedViews(self.views(), recorder)
+
     def _traced(self, question: Question, dtype: np.dtype = DOUBLE) -> Program | Looped:
         """The question, asked of symbols."""
-        looped = self.loops and getattr(question, "formalism", "recursive") == "recursive"
-        graph = Recorder() if looped else Graph()
-        views = LoopedViews(self.views(), graph) if isinstance(graph, Recorder) else self.views("native")
+        graph, views = self._symbolic(self.loops and getattr(question, "formalism", "recursive") == "recursive")
         sizes = {name: inputs.size(self.robot, name) for name in question.needs} | {"t": 1}
         arrays = {name: graph.inputs(name, (n,)) for name, n in sizes.items()}
         t = arrays.pop("t")[0]
@@ -228,9 +233,7 @@ class Evaluator:
         """
         refuse_impossible(self.robot, self.views().lumped.tree)
         formalism = self.cheapest if formalism == "auto" else formalism
-        graph = Recorder() if self.loops and formalism == "recursive" else Graph()
-        views = LoopedViews(self.views(), graph) if isinstance(graph, Recorder) else self.views("native")
-        nq, nv = self.robot.nq, self.robot.nv
+        (graph, views), nq, nv = self._symbolic(self.loops and formalism == "recursive"), self.robot.nq, self.robot.nv
         sizes = {"t": 1, "x": nq + nv + 1} | ({"h": 1} if semi_implicit else {}) | ({"held": nv} if held else {})
         arrays = {name: graph.inputs(name, (n,)) for name, n in sizes.items()}
         q, v, tau = arrays["x"][:nq], arrays["x"][nq : nq + nv], arrays.get("held", np.zeros(nv))
@@ -242,13 +245,13 @@ class Evaluator:
         dx = np.concatenate([qdot, vdot, power.reshape(1)])
         return finished(graph, sizes, {"dx": dx}, guards_of(self.robot, views, answer, None))
 
-    def projection(self) -> Program | None:
+    def projection(self) -> Program | Looped | None:
         """x with its Euler parameters at unit length; None where there are none."""
-        equations, graph, nq, nv = self.views().lumped, Graph(), self.robot.nq, self.robot.nv
-        if not equations.side_conditions(self.robot.neutral()):
+        if not self.views().lumped.tree.rated:
             return None
+        (graph, views), nq, nv = self._symbolic(self.loops), self.robot.nq, self.robot.nv
         x = graph.inputs("x", (nq + nv + 1,))
-        return program(graph, {"x": len(x)}, {"x": np.concatenate([equations.project(x[:nq]), x[nq:]])})
+        return finished(graph, {"x": len(x)}, {"x": np.concatenate([views.lumped.project(x[:nq]), x[nq:]])}, [])
 
 
 def finished(graph: Graph | Recorder, sizes: Mapping[str, int], outputs: Mapping[str, Array], guards: list[object]) -> Program | Looped:

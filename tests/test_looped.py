@@ -136,7 +136,7 @@ def test_reactions_at_known_accelerations(big):
 
 
 def patterned(n):
-    """Joints in simple and in general places, on simple and general axes, that carry bodies with and without extent; leaves have all."""
+    """Joints in simple and general places on simple and general axes, bodies with and without extent; leaves have all of it."""
     rng = np.random.default_rng(n)
     unit = np.eye(3)
     solid = Inertia.about_centre(1.3, np.array([0.1, -0.2, 0.15]), np.diag([0.03, 0.05, 0.04]) + 0.002)

@@ -9,6 +9,8 @@ from collections.abc import Callable, Iterator
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from . import elementary
 from .functions import LIBRARY, TOGETHER, Type, by_lane, declarations, sincos, sincos_together
 from .graph import LEAVES, TRIGONOMETRIC
@@ -18,6 +20,7 @@ if TYPE_CHECKING:
     from .loops import LoopedPart
     from .sweeps import Looped
 
+RUN = "evaluate"  # the part that `run` of a module calls
 WHOLE = 10000  # instructions up to which a program is one function: what crosses a border goes through memory
 PIECE = 2500  # instructions in one function beyond: LLVM's time grows faster than linearly, and it spills more than crosses
 BINARY = {"add": "fadd", "sub": "fsub", "mul": "fmul", "div": "fdiv"}
@@ -84,6 +87,11 @@ def part(program: "Program | Looped", t: Type, name: str, *, inline: bool = True
     return LoopedPart(program, t, name)
 
 
+def tables(**programs: "Program | Looped | None") -> dict[str, np.ndarray]:
+    """What the code of programs reads beside its arguments, by the names that it has in a module with parts of these names."""
+    return {f"{name}.{key}": x for name, program in programs.items() if program for key, x in program.tables.items()}
+
+
 def module(program: "Program | Looped", lanes: int, scalar: str = "double") -> str:
     """IR text with `i64 @run(ptr in…, i64 stride…, ptr out…, i64 count)`, for a count of 0, or of at least `lanes`.
 
@@ -95,7 +103,7 @@ def module(program: "Program | Looped", lanes: int, scalar: str = "double") -> s
         from . import loops
 
         return loops.module(program, t)
-    piece = Part(program, t, "piece")
+    piece = Part(program, t, RUN)
     lines = [*prologue(t, program), *piece.functions(), *_run(piece, t)]
     if lanes > 1:
         lines.append(f"declare {t.float} @llvm.masked.load.{t.name}.p0(ptr, i32, {t.bool}, {t.float})")

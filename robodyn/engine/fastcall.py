@@ -57,7 +57,7 @@ def bind(kernel: Kernel, arrays: Sequence[str], fallback: Callable[..., Any], *,
     arrays: the inputs that are arguments, in order; the last `optional` of them may be left out, and are then zero like all other inputs.
     Also returns what must live as long as the function: CPython keeps pointers into it.
     """
-    loaded = load(module(kernel.program, tuple(arrays), optional), kernel.program.tables)
+    loaded = load(module(kernel.program, tuple(arrays), optional), emit.tables(**{emit.RUN: kernel.program}))
     table = (ctypes.c_void_p * len(TABLE)).from_address(loaded.address("table"))
     values = {
         "ndarray": id(np.ndarray),

@@ -42,7 +42,7 @@ class Method:
     dense: Array | None = None  # weights of the derivatives (…, s + 1 + m) in the terms of dense output beyond cubic Hermite
 
 
-def module(method: Method, rhs: Program | Looped, project: Program | None, lanes: int) -> str:
+def module(method: Method, rhs: Program | Looped, project: Program | Looped | None, lanes: int) -> str:
     """IR text with `i64 @advance(ptr header, ptr x, ptr k, ptr held, ptr times, i64 ntimes, ptr out, i64 budget)`.
 
     header: see HEADER. x: nx entries; k: room for `room(…)` entries; held: the rhs's input of that name, where it has one;
@@ -51,7 +51,12 @@ def module(method: Method, rhs: Program | Looped, project: Program | None, lanes
     return _Writer(method, rhs, project, Type(lanes)).text()
 
 
-def room(method: Method, rhs: Program | Looped, project: Program | None) -> int:
+def tables(rhs: Program | Looped, project: Program | Looped | None) -> dict[str, Array]:
+    """What the module's code reads beside its arguments, by name."""
+    return emit.tables(f=rhs, project=project)
+
+
+def room(method: Method, rhs: Program | Looped, project: Program | Looped | None) -> int:
     """Entries of the array k: derivatives, and behind them the workspace of a right-hand side that is too large for the stack."""
     writer = _Writer(method, rhs, project, Type(1))
     return stages(method) * writer.nx + (writer.workspace if writer.large else 0)
@@ -63,7 +68,7 @@ def stages(method: Method) -> int:
 
 
 class _Writer:
-    def __init__(self, method: Method, rhs: Program | Looped, project: Program | None, t: Type) -> None:
+    def __init__(self, method: Method, rhs: Program | Looped, project: Program | Looped | None, t: Type) -> None:
         self.m, self.t, self.nx, self.code = method, t, rhs.inputs["x"], Code()
         self.f = emit.part(rhs, t, "f", inline=stages(method) * rhs.length <= INLINED)
         self.project = emit.part(project, t, "project", inline=False) if project else None

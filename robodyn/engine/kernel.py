@@ -83,7 +83,7 @@ class Kernel:
         with self._lock:
             if width not in self._functions:
                 code = emit.module(self.program, width, SCALARS[self.dtype])
-                self._functions[width] = self._function(load(code, self.program.tables))
+                self._functions[width] = self._function(load(code, emit.tables(**{emit.RUN: self.program})))
                 for listener in self._listeners if width > 1 else ():
                     listener(self._functions[width])
         return self._functions[width]

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from .code import Code
-from .emit import Part, gathered, instructions, prologue, scattered
+from .emit import RUN, Part, gathered, instructions, prologue, scattered
 from .functions import Type
 from .program import Program
 from .sweeps import FIXED_COLUMNS, Fill, Loop, Looped, Straight
@@ -36,8 +36,8 @@ class LoopedPart:
     def functions(self) -> Iterator[str]:
         """The definitions, and the tables they read."""
         for f in range(len(self.program.counts)):
-            yield f"@rows{f} = global ptr null"
-            yield f"@parameters{f} = global ptr null"
+            yield f"@{self.name}.rows{f} = global ptr null"
+            yield f"@{self.name}.parameters{f} = global ptr null"
         for part in self._straight.values():
             yield from part.functions()
         for n, item in enumerate(self.program.items):
@@ -144,7 +144,7 @@ class LoopedPart:
     def _loop(self, c: Code, name: str, loop: Loop) -> None:
         """All nodes in order, each by its kind's step."""
         n, width = self.program.counts[loop.forest], len(FIXED_COLUMNS) + len(self.program.columns[loop.forest])
-        table, parameters = (c.get("ptr", f"@{x}{loop.forest}") for x in ("rows", "parameters"))
+        table, parameters = (c.get("ptr", f"@{self.name}.{x}{loop.forest}") for x in ("rows", "parameters"))
         i = c.variable("i64", str(n - 1 if loop.inward else 0))
         with c.repeat(lambda: c.value(f"icmp {'sge' if loop.inward else 'slt'} i64 {c.get('i64', i)}, {0 if loop.inward else n}")):
             row = c.at("i64", table, c.binary("mul", "i64", c.get("i64", i), str(width)))
@@ -162,7 +162,7 @@ class LoopedPart:
 
 def module(program: Looped, t: Type) -> str:
     """IR text with the same `@run` as `emit.module` writes for straight-line code."""
-    part = LoopedPart(program, t, "evaluate")
+    part = LoopedPart(program, t, RUN)
     lines = [*prologue(t, program), *part.functions(), *_run(part, t)]
     lines += ["declare ptr @malloc(i64)", "declare void @free(ptr)", "declare i64 @llvm.smin.i64(i64, i64)"]
     if t.lanes > 1:

@@ -45,7 +45,7 @@ def compiled(evaluator: Evaluator, method: str, formalism: str, lanes: int, *, h
         tableau = integrator.tableau()
         rhs = evaluator.evolution(formalism, semi_implicit=integrator.semi_implicit, held=held)
         project = evaluator.projection()
-        loaded = load(integrate.module(tableau, rhs, project, lanes), rhs.tables)
+        loaded = load(integrate.module(tableau, rhs, project, lanes), integrate.tables(rhs, project))
         function = loaded.function("advance", *[ctypes.c_void_p] * 5, ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64)
         function.owner = loaded  # the code lives as long as the function
         room = integrate.room(tableau, rhs, project)

@@ -165,6 +165,20 @@ def test_a_constant_of_the_nodes_that_the_ground_does_not_share_is_not_taken_for
     assert np.array_equal(found[0], np.ravel(wood.grown(step, (2.0, 3.0))))
 
 
+def test_entries_that_are_one_at_every_node_but_not_at_the_ground_are_not_merged():
+    wood = Wood(2, 30)
+
+    def step(kind, p, comes):
+        a, b = comes
+        return (a - 2.0 * b + p[0], a - 2.0 * b + p[0]), a - b
+
+    wood.recorder.inputs("x", (1,))
+    kept = wood.outward(step, (2.0, 3.0))
+    column = wood.recorder.column(wood.forest, "one", np.arange(30))
+    found = wood.evaluated({"out": wood.recorder.gathered(flat(kept), column, 30)}, {"x": np.zeros((1, 1))})["out"]
+    assert np.array_equal(found[0], wood.grown(step, (2.0, 3.0)))
+
+
 # --- inward ---
 
 
@@ -247,7 +261,19 @@ def test_gathered_where_they_are_made_and_copied():
 
     products = wood.recorder.gathered(wood.outward(again, (), kept, field), "x", wood.size)
     first = next(i for i in range(40) if wood.kinds[i] == 1)
-    outputs = {"a": moved, "b": copied, "c": as_they_are, "d": products, "e": np.array([kept[first][1] + 1.0])}
+    outputs = {
+        "a": moved,
+        "b": copied,
+        "c": as_they_are,
+        "d": products,
+        "e": np.array([kept[first][1] + 1.0]),
+        "f": moved[:5],
+        "g": moved[5:9],
+    }
+    twice = wood.outward(lambda kind, p, comes, x: ((), objects([*(x * 2.0)[:1], *(x * 2.0)[:1]])), (), field)
+    lengths = np.array([2 * min(1, SIZES[kind]) for kind in wood.kinds])
+    column = wood.recorder.column(wood.forest, "twice", np.cumsum([0, *lengths])[:-1])
+    outputs["h"] = wood.recorder.gathered(twice, column, sum(lengths))
     values = integers(rng, 3, wood.size)
     found = wood.evaluated(outputs, {"x": values})
     for r, given in enumerate(values):
@@ -257,6 +283,9 @@ def test_gathered_where_they_are_made_and_copied():
         assert np.array_equal(found["b"][r], expected)
         assert np.array_equal(found["c"][r], given)
         assert np.array_equal(found["d"][r], expected * given)
+        assert np.array_equal(found["f"][r], expected[:5])
+        assert np.array_equal(found["g"][r], expected[5:9])
+        assert np.array_equal(found["h"][r], np.repeat([2 * x[0] for x in own if len(x)], 2))
         assert found["e"][r] == wood.rows(expected, first)[1] + 1
 
 
