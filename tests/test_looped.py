@@ -354,6 +354,17 @@ def test_a_pivot_that_vanishes_in_one_state_is_named():
         robot.forward_dynamics(q, 0 * q)
 
 
+def test_a_needle_about_its_own_axis_is_not_refused():
+    """A billionth of what it shows about the other axes is still inertia; its pivot has no rounding, so neither has its acceleration."""
+    chain = rd.random_robot(np.random.default_rng(7), 70, branching=0.0, joint_types=("revolute",))
+    needle = Inertia.about_centre(1.0, np.zeros(3), np.diag([1.0, 1.0, 1e-9]))
+    spin = Joint("spin", JOINT_TYPES["revolute"].from_axis(np.eye(3)[2]), 70, frozen(np.eye(3)), frozen(np.zeros(3)))
+    robot = rd.Robot(name="needle", links=(*chain.links, Link("needle", needle)), joints=(*chain.joints, spin))
+    q, tau = np.random.default_rng(8).normal(size=(2, 71))
+    found, exact = (robot.forward_dynamics(q, 0 * q, tau, **how) for how in ({}, EXACT))
+    assert abs(found[-1] / exact[-1] - 1) < C * EPS
+
+
 # --- from outside ---
 
 

@@ -261,13 +261,15 @@ def test_gathered_where_they_are_made_and_copied():
 
     products = wood.recorder.gathered(wood.outward(again, (), kept, field), "x", wood.size)
     first = next(i for i in range(40) if wood.kinds[i] == 1)
+    shuffled = objects([moved[0], *moved[:0:-1]])  # as many as there are, from the first on, but not in order
     outputs = {
+        "f": moved[:5],
+        "k": shuffled,
         "a": moved,
         "b": copied,
         "c": as_they_are,
         "d": products,
         "e": np.array([kept[first][1] + 1.0]),
-        "f": moved[:5],
         "g": moved[5:9],
     }
     twice = wood.outward(lambda kind, p, comes, x: ((), objects([*(x * 2.0)[:1], *(x * 2.0)[:1]])), (), field)
@@ -284,6 +286,7 @@ def test_gathered_where_they_are_made_and_copied():
         assert np.array_equal(found["c"][r], given)
         assert np.array_equal(found["d"][r], expected * given)
         assert np.array_equal(found["f"][r], expected[:5])
+        assert np.array_equal(found["k"][r], [expected[0], *expected[:0:-1]])
         assert np.array_equal(found["g"][r], expected[5:9])
         assert np.array_equal(found["h"][r], np.repeat([2 * x[0] for x in own if len(x)], 2))
         assert found["e"][r] == wood.rows(expected, first)[1] + 1
@@ -456,12 +459,13 @@ def guarded(n):
 
 @pytest.mark.parametrize("n", [3, 2 * MANY])
 def test_guards(n):
-    """The first row of a block that holds a bad one is reported."""
+    """The first row of a block that holds a bad one is reported: of a guard, an input, used or not, or an output that overflows."""
     run, x = Kernel(guarded(n)), np.ones((41, n + 1))
     assert run((41,), {"x": x})[1] == -1
     width = kernels.lanes()
     for row, k, value in (
         (0, 0, 0.0),
+        (12, 0, 1e308),
         (17, n - 1, -float(n - 1)),
         (40, 1, -5.0),
         (23, 0, np.inf),
