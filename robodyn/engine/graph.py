@@ -27,16 +27,23 @@ class Graph:
 
     def __init__(self) -> None:
         self.nodes: list[Node] = []
-        self._numbers: dict[Node, int] = {}
+        self._scalars: list[Scalar] = []
+        self._known: dict[Node, Scalar] = {}
 
     def node(self, *key: Any) -> "Scalar":
         """The scalar of an operation; the one that is there already, if it is."""
         # −0.0 equals 0.0 as a key but is another number.
-        key = ("const", 0.0, "-") if key[0] == "const" and key[1] == 0 and math.copysign(1, key[1]) < 0 else key
-        if key not in self._numbers:
-            self._numbers[key] = len(self.nodes)
-            self.nodes.append(key[:2] if key[-1] == "-" else key)
-        return Scalar(self, self._numbers[key])
+        if key[0] == "const" and key[1] == 0 and math.copysign(1, key[1]) < 0:
+            key = ("const", -0.0, "-")
+        if (scalar := self._known.get(key)) is None:
+            scalar = self._known[key] = Scalar(self, len(self.nodes), key[:2] if key[-1] == "-" else key)
+            self.nodes.append(scalar.node)
+            self._scalars.append(scalar)
+        return scalar
+
+    def at(self, number: int) -> "Scalar":
+        """The scalar of a node."""
+        return self._scalars[number]
 
     def inputs(self, name: str, shape: tuple[int, ...]) -> np.ndarray:
         """An array of the entries of an input vector."""
@@ -45,15 +52,16 @@ class Graph:
 
     def lift(self, x: object) -> "Scalar":
         """A number as a scalar of this graph."""
-        if isinstance(x, Scalar):
-            return x
+        if x.__class__ is Scalar:
+            return x  # type: ignore[return-value]
         if isinstance(x, Condition):
             return x.select(1.0, 0.0)
         return self.node("const", float(x))  # type: ignore[arg-type]
 
     def condition(self, *key: Any) -> "Condition":
         """The condition of an operation, as `node`."""
-        return Condition(self, self.node(*key).number)
+        x = self.node(*key)
+        return Condition(self, x.number, x.node)
 
     def live(self, outputs: Iterable["Scalar"]) -> list[int]:
         """The nodes that the outputs need, in order of evaluation."""
@@ -72,15 +80,10 @@ class Graph:
 class Traced(Symbolic):
     """What is not known yet: a node of a graph. NumPy's functions take it, as far as `dispatch` goes."""
 
-    __slots__ = ("graph", "number")
+    __slots__ = ("graph", "node", "number")
 
-    def __init__(self, graph: Graph, number: int) -> None:
-        self.graph, self.number = graph, number
-
-    @property
-    def node(self) -> Node:
-        """The operation and its operands."""
-        return self.graph.nodes[self.number]
+    def __init__(self, graph: Graph, number: int, node: Node) -> None:
+        self.graph, self.number, self.node = graph, number, node  # the operation and its operands
 
     def __float__(self) -> float:
         raise TypeError("a traced number has no value yet, and no array of floats can hold it: make room with np.zeros_like(q)")
@@ -123,7 +126,7 @@ class Condition(Traced):
     def __invert__(self) -> "Condition":
         if self.constant is not None:
             return self._lift(not self.constant)
-        return Condition(self.graph, self.node[1]) if self.node[0] == "not" else self.graph.condition("not", self.number)
+        return self.graph.condition(*self.graph.nodes[self.node[1]]) if self.node[0] == "not" else self.graph.condition("not", self.number)
 
     __rand__, __ror__ = __and__, __or__
 
@@ -165,20 +168,15 @@ class Condition(Traced):
 class Scalar(Traced):
     """A number that is not known yet. Behaves like a float under + − × ÷, comparisons and the functions of `arithmetic`."""
 
-    __slots__ = ()
+    __slots__ = ("constant",)
 
-    # --- what is known ---
-
-    @property
-    def constant(self) -> float | None:
-        """The value of a constant; None for all others."""
-        node = self.node
-        return node[1] if node[0] == "const" else None
+    def __init__(self, graph: Graph, number: int, node: Node) -> None:
+        super().__init__(graph, number, node)
+        self.constant: float | None = node[1] if node[0] == "const" else None  # its value, where it is known
 
     def _negated(self) -> "Scalar | None":
         """x where this is −x."""
-        node = self.node
-        return Scalar(self.graph, node[1]) if node[0] == "neg" else None
+        return self.graph.at(self.node[1]) if self.node[0] == "neg" else None
 
     # --- arithmetic, with what folds ---
 
@@ -187,7 +185,7 @@ class Scalar(Traced):
         if c is not None:
             return self.graph.lift(-c)
         if node[0] == "neg":
-            return Scalar(self.graph, node[1])
+            return self.graph.at(node[1])
         if node[0] == "sub":  # −(a − b) = b − a
             return self.graph.node("sub", node[2], node[1])
         return self.graph.node("neg", self.number)

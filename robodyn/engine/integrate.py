@@ -5,7 +5,7 @@ done or a budget of steps is used up, so that Python can show progress and take 
 Hairer, Nørsett, Wanner, Solving ODEs I: sections II.1, II.4 (error control), II.6 (dense output).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +18,7 @@ from .program import Program
 from .sweeps import Looped
 
 DONE, PAUSED, STEP_TOO_SMALL, NOT_FINITE = range(4)  # what `advance` returns
+STATUSES = 4
 
 # The numbers that `advance` reads and writes, each a double.
 HEADER = ("t", "h", "t0", "t_end", "count", "rtol", "atol", "next", "steps", "rejected", "evaluations", "started", "shrink")
@@ -47,6 +48,9 @@ def module(method: Method, rhs: Program | Looped, project: Program | Looped | No
 
     header: see HEADER. x: nx entries; k: room for `room(…)` entries; held: the rhs's input of that name, where it has one;
     out: ntimes × nx. An entry is a double, or `lanes` of them.
+
+    And `i64 @advance_each(…, i64 count)`: the same for `count` headers, x and out, one behind the other, each until it is done. Returns
+    how many are done, times STATUSES, plus the status of the one that is not.
     """
     return _Writer(method, rhs, project, Type(lanes)).text()
 
@@ -87,7 +91,26 @@ class _Writer:
             lines += ["declare double @llvm.minnum.f64(double, double)", "declare double @llvm.maxnum.f64(double, double)"]
         for part in (self.f, self.project):
             lines += part.functions() if part else ()
-        return "\n".join([*lines, *self.code.function(head)]) + "\n"
+        return "\n".join([*lines, *self.code.function(head), *self._advance_each()]) + "\n"
+
+    def _advance_each(self) -> Iterator[str]:
+        """The loop over blocks of lanes: Python would spend longer on calling one after the other than they take."""
+        c, F = Code(), self.t.float
+        rest = "ptr %times, i64 %ntimes"
+        i = c.variable("i64", "0")
+        with c.repeat(lambda: c.value(f"icmp slt i64 {c.get('i64', i)}, %count")):
+            now = c.get("i64", i)
+            header = c.at("double", "%header", c.binary("mul", "i64", now, str(len(HEADER))))
+            x = c.at(F, "%x", c.binary("mul", "i64", now, str(self.nx)))
+            out = c.at(F, "%out", c.binary("mul", "i64", now, c.binary("mul", "i64", "%ntimes", str(self.nx))))
+            arguments = f"ptr {header}, ptr {x}, ptr %k, ptr %held, {rest}, ptr {out}, i64 %budget"
+            status = c.value(f"call i64 @advance({arguments})")
+            with c.when(c.value(f"icmp ne i64 {status}, {DONE}")):
+                c.leave("i64", c.binary("add", "i64", c.binary("mul", "i64", now, str(STATUSES)), status))
+            c.set("i64", i, c.binary("add", "i64", now, "1"))
+        c.leave("i64", c.binary("mul", "i64", "%count", str(STATUSES)))
+        arrays = "ptr %header, ptr %x, ptr %k, ptr %held"
+        yield from c.function(f"define i64 @advance_each({arrays}, {rest}, ptr %out, i64 %budget, i64 %count) nounwind")
 
     # --- vectors of nx entries ---
 

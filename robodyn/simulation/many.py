@@ -1,6 +1,7 @@
 """`simulate_many`: N trajectories of one scene at a time, in SIMD lanes and threads."""
 
 import os
+import threading
 import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -12,7 +13,6 @@ import numpy as np
 from .. import inputs
 from ..arithmetic import Array
 from ..engine.compile import lanes
-from ..engine.integrate import DONE
 from ..equations import FORMALISMS, SADDLES
 from ..errors import InputError, RobodynError, SimulationError
 from ..model import Mechanism
@@ -86,45 +86,42 @@ def simulate_many(
     inputs.unit_quaternions(scene.equations().side_conditions(q))
     x0 = np.hstack([scene.equations().project(q), v, np.zeros((len(q), 1))])
 
+    # Blocks of lanes; beyond the last state, the last again.
     width = lanes()
     advance = native.compiled(scene.evaluator, method, formalism, width)
-    settings = {"dt": dt, "rtol": 0.0, "atol": 0.0}
-    found = np.empty((len(q), len(wanted), x0.shape[1]))
-    started = time.perf_counter()
-
-    def block(first: int) -> None:
-        """One vector of trajectories; beyond the last state, the last again."""
-        rows = np.minimum(np.arange(first, first + width), len(q) - 1)
-        run = native.Run(advance, x0[rows].T, t0, wanted, settings)
-        run.head_for(t_end)
-        while (status := run.slice()) != DONE:
-            if status > 1:
-                bad = next(
-                    (int(row) for row, x in zip(rows, run.x.T, strict=True) if not _can_move(scene, formalism, run.t, x)), int(rows[0])
-                )
-                raise SimulationError(
-                    f"after t={run.t:.9g} s trajectory {bad} stopped being finite, or one of its joints showed no inertia: reduce dt, "
-                    f"or look at q0[{bad}] with `simulate`"
-                )
-        found[rows] = run.results.transpose(2, 0, 1)
-
-    with ThreadPoolExecutor(min(threads or os.cpu_count() or 1, -(-len(q) // width) or 1)) as pool:
-        try:
-            for _ in pool.map(block, range(0, len(q), width)):
-                pass
-        except BaseException:
-            pool.shutdown(cancel_futures=True)
-            raise
+    rows = np.minimum(np.arange(-(-len(x0) // width) * width), len(x0) - 1).reshape(-1, width)
+    started, stop = time.perf_counter(), threading.Event()
+    crowd = native.Crowd(advance, x0[rows].transpose(0, 2, 1), t0, t_end, wanted, dt)
+    workers = min(threads or os.cpu_count() or 1, len(rows))
+    ends = np.linspace(0, len(rows), workers + 1).astype(int)
+    if workers == 1:
+        failed = [crowd.run(0, len(rows), lambda: True)]
+    else:
+        with ThreadPoolExecutor(workers) as pool:
+            try:
+                failed = list(pool.map(lambda first, last: crowd.run(first, last, lambda: not stop.is_set()), ends[:-1], ends[1:]))
+            finally:
+                stop.set()  # after Ctrl-C nobody waits for the rest
+    for block in (block for block in failed if block is not None):
+        t, states = crowd.t(block), crowd.x[block].T
+        causes = ((int(row), _cause(scene, formalism, t, x)) for row, x in zip(rows[block], states, strict=True))
+        bad, cause = next(((row, cause) for row, cause in causes if cause), (int(rows[block][0]), None))
+        why = cause or "reduce dt"
+        raise SimulationError(
+            f"after t={t:.9g} s trajectory {bad} stopped being finite, or one of its joints showed no inertia: {why}; "
+            f"look at q0[{bad}] with `simulate`"
+        ) from cause
+    found = crowd.results.transpose(0, 3, 1, 2).reshape(-1, len(wanted), x0.shape[1])[: len(x0)]
     nq, nv = scene.robot.nq, scene.robot.nv
     stats = {"method": method, "formalism": formalism, "dt": dt, "wall_time": time.perf_counter() - started, "completed": True}
     return Trajectories(scene, wanted, found[..., :nq], found[..., nq : nq + nv], found[..., nq + nv], stats)
 
 
-def _can_move(scene: Scene, formalism: str, t: float, x: Array) -> bool:
-    """Whether a state has accelerations."""
+def _cause(scene: Scene, formalism: str, t: float, x: Array) -> RobodynError | None:
+    """Why a state has no accelerations; None where it has."""
     nq, nv = scene.robot.nq, scene.robot.nv
     try:
         scene.evaluator.ask(Evolution(formalism), "numpy", t=t, q=x[:nq], v=x[nq : nq + nv], tau=None)
-    except RobodynError:
-        return False
-    return True
+    except RobodynError as error:
+        return error
+    return None

@@ -23,6 +23,7 @@ class Advance:
     """A compiled integrator for one scene: nx numbers per state, `lanes` states side by side, each under nheld held forces."""
 
     function: Callable[..., int]
+    each: Callable[..., int]
     room: int
     nx: int
     nheld: int
@@ -46,11 +47,12 @@ def compiled(evaluator: Evaluator, method: str, formalism: str, lanes: int, *, h
         rhs = evaluator.evolution(formalism, semi_implicit=integrator.semi_implicit, held=held)
         project = evaluator.projection()
         loaded = load(integrate.module(tableau, rhs, project, lanes), integrate.tables(rhs, project))
-        function = loaded.function("advance", *[ctypes.c_void_p] * 5, ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64)
-        function.owner = loaded  # the code lives as long as the function
+        types = (*[ctypes.c_void_p] * 5, ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64)
+        function, each = loaded.function("advance", *types), loaded.function("advance_each", *types, ctypes.c_int64)
+        function.owner = each.owner = loaded  # the code lives as long as the functions
         room = integrate.room(tableau, rhs, project)
         nx, nheld = rhs.inputs["x"], rhs.inputs.get("held", 0)
-        evaluator.step_loops[key] = Advance(function, room, nx, nheld, lanes, integrator.adaptive, tableau.order)
+        evaluator.step_loops[key] = Advance(function, each, room, nx, nheld, lanes, integrator.adaptive, tableau.order)
     return evaluator.step_loops[key]
 
 
@@ -133,6 +135,45 @@ class Run:
         """Steps, rejected steps, evaluations."""
         counts = {name: int(self._number(name)) for name in ("steps", "rejected", "evaluations")}
         return counts | {"steps": self._steps + counts["steps"]}
+
+
+class Crowd:
+    """Integrations from x0 (n, nx, lanes) at t0 to t_end with equal steps, block after block, with results at `times`."""
+
+    def __init__(self, advance: Advance, x0: Array, t0: float, t_end: float, times: Array, dt: float) -> None:
+        self._advance, self._times, steps = advance, np.ascontiguousarray(times, dtype=float), step_count(t0, t_end, dt)
+        at_start = int((times <= t0).sum())
+        values = {"t": t0, "t0": t0, "t_end": t_end, "h": (t_end - t0) / steps, "count": steps, "next": at_start}
+        self._headers = np.tile([float(values.get(name, 0.0)) for name in integrate.HEADER], (len(x0), 1))
+        self.x = _aligned(x0.shape)
+        self.x[:] = x0
+        self.results = _aligned((len(x0), len(times), *x0.shape[1:]))
+        self.results[:, :at_start] = x0[:, None]
+
+    def run(self, first: int, last: int, proceed: Callable[[], bool]) -> int | None:
+        """Blocks first to last, as long as `proceed` agrees, asked every SLICE seconds; the first that cannot go on, None if all can."""
+        k, held = (_aligned((n, self._advance.lanes)) for n in (self._advance.room, self._advance.nheld))
+        budget, count = 64, 1
+        while first < last and proceed():
+            started = time.perf_counter()
+            arrays = (self._headers[first:], self.x[first:], k, held, self._times)
+            pointers = [a.ctypes.data for a in arrays]
+            count = min(count, last - first)
+            out = self.results[first:].ctypes.data
+            done, status = divmod(self._advance.each(*pointers, len(self._times), out, budget, count), integrate.STATUSES)
+            first += done
+            if status not in (integrate.DONE, integrate.PAUSED):
+                return first
+            share = SLICE / max(time.perf_counter() - started, 1e-6)
+            if status == integrate.PAUSED:
+                budget = int(np.clip(budget * share, 1, 4 * budget))
+            else:
+                count = int(np.clip(count * share, 1, 16 * count))
+        return None
+
+    def t(self, block: int) -> float:
+        """The time that a block has reached [s]."""
+        return float(self._headers[block, _PLACE["t"]])
 
 
 def _aligned(shape: tuple[int, ...]) -> Array:
