@@ -264,7 +264,7 @@ class Evaluator:
 
 def finished(graph: Graph | Recorder, sizes: Mapping[str, int], outputs: Mapping[str, Array], guards: list[object]) -> Program | Looped:
     """The program of what was traced or recorded."""
-    return graph.finish(sizes, outputs, guards) if isinstance(graph, Recorder) else program(graph, sizes, outputs, guards)
+    return graph.finish(sizes, outputs, guards) if isinstance(graph, Recorder) else program(graph, sizes, outputs, guards, optional=("t",))
 
 
 def _cheapest(operations: Mapping[str, int]) -> str:

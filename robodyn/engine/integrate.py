@@ -261,7 +261,9 @@ class _Writer:
         with c.when(c.binary("and", "i1", tiny, c.value(f"xor i1 {ends}, true"))):
             c.leave("i64", str(STEP_TOO_SMALL))
         self._stages(t_old, h)
-        self.evaluate(t_new, self.xnew, self.s)
+        early = any(weights[-1] for weights in m.errors)  # elsewhere f(t_new, x_new) is of no use to a rejected step
+        if early:
+            self.evaluate(t_new, self.xnew, self.s)
         error = self._error(h)
 
         # h_new = h · 0.9 · error^(−1/(q + 1)), within 0.2 … 10, and no growth right after a rejection. A NaN counts as a rejection.
@@ -284,6 +286,7 @@ class _Writer:
         with c.when(good):
             if self.project:
                 self.projected(self.xnew)
+            if self.project or not early:
                 self.evaluate(t_new, self.xnew, self.s)
             self._accept(t_old, t_new, h)
 

@@ -114,12 +114,16 @@ def load(ir: str, tables: Mapping[str, Array] = MappingProxyType({})) -> Loaded:
 
 def _rows(x: Array, batch: tuple[int, ...], size: int, dtype: np.dtype) -> tuple[Array, int]:
     """x as rows without gaps, and how many numbers lie between them: 0 where one row serves all."""
-    with np.errstate(over="ignore"):  # what is too large for float32 is ∞, and found so
-        if x.shape != (*batch, size):
-            if x.size == size:
-                return np.ascontiguousarray(x, dtype=dtype), 0
+    stride = size
+    if x.shape != (*batch, size):
+        if x.size == size:
+            stride = 0
+        else:
             x = np.broadcast_to(x, (*batch, size))
-        return np.ascontiguousarray(x, dtype=dtype), size
+    if dtype == DOUBLE:
+        return np.ascontiguousarray(x, dtype=dtype), stride
+    with np.errstate(over="ignore"):  # what is too large for float32 is ∞, and found so
+        return np.ascontiguousarray(x, dtype=dtype), stride
 
 
 _pools: dict[int, ThreadPoolExecutor] = {}

@@ -4,7 +4,7 @@ The fusing is decided here, once, and not left to LLVM: scalar code, SIMD code o
 unit then round alike, so a result does not depend on the batch it was computed in.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -46,8 +46,13 @@ class Program:
         return sum(weights.get(op, 0) for op, *_ in self.instructions)
 
 
-def program(graph: Graph, inputs: Mapping[str, int], outputs: Mapping[str, np.ndarray], guards: Any = ()) -> Program:
-    """The program that computes arrays of scalars of a graph; `guards` are scalars that must turn out positive."""
+def program(
+    graph: Graph, inputs: Mapping[str, int], outputs: Mapping[str, np.ndarray], guards: Any = (), optional: Sequence[str] = ()
+) -> Program:
+    """The program that computes arrays of scalars of a graph; `guards` are scalars that must turn out positive.
+
+    optional: inputs that the program does not take where it does not need them.
+    """
     scalars = {name: [graph.lift(x) for x in np.ravel(array)] for name, array in outputs.items()}
     checks = [graph.lift(x) for x in guards]
     wanted = [x for xs in scalars.values() for x in xs] + checks
@@ -63,7 +68,9 @@ def program(graph: Graph, inputs: Mapping[str, int], outputs: Mapping[str, np.nd
         numbers[i] = len(code)
         code.append((op, *(operands if op in LEAVES else (numbers[j] for j in operands))))
     places = {name: tuple(numbers[x.number] for x in xs) for name, xs in scalars.items()}
-    return Program(tuple(code), dict(inputs), places, tuple(numbers[x.number] for x in checks))
+    needed = {operands[0] for op, *operands in code if op == "in"}
+    taken = {name: size for name, size in inputs.items() if name in needed or name not in optional}
+    return Program(tuple(code), taken, places, tuple(numbers[x.number] for x in checks))
 
 
 def _ordered(graph: Graph, live: list[int], wanted: list[Scalar]) -> list[int]:

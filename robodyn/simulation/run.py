@@ -82,7 +82,7 @@ def simulate(
     x0 = np.concatenate([scene.equations().project(state["q0"]), state["v0"], [0.0]])
     integration = _Integration(scene, t0, t_end, x0, method, formalism, {"rtol": rtol, "atol": atol, "dt": dt})
     in_native_code = backend == "native" and METHODS[method].tableau is not None and formalism not in SADDLES
-    if not (in_native_code and integration.can_start):
+    if not in_native_code or integration.start is None:
         scene.evaluator.ask(Result(formalism), "numpy", t=t0, q=state["q0"], v=state["v0"], tau=None)
 
     started, failure = time.perf_counter(), None
@@ -133,13 +133,13 @@ class _Integration:
         """The compiled step loop."""
         return native.compiled(self.scene.evaluator, self.method, self.formalism, lanes=1, held=bool(self.sampling))
 
-    @property
-    def can_start(self) -> bool:
-        """Whether native code finds a derivative at the start, under no held forces."""
+    @cached_property
+    def start(self) -> Array | None:
+        """ẋ (nx,) that native code finds at the start, under no held forces; None where there is none to be trusted."""
         try:
-            return self.advance.derivative(self.t0, self.x0) is not None
+            return self.advance.derivative(self.t0, self.x0)
         except ZeroDivisionError:  # a pivot is zero whatever the state
-            return False
+            return None
 
     def keep(self, t: float, x: Array) -> None:
         """One result more."""
@@ -239,7 +239,7 @@ class _Integration:
         """Hairer, Nørsett, Wanner, Solving ODEs I, section II.4: a step that a crude Euler step finds safe."""
         rtol, atol, span = self.settings["rtol"], self.settings["atol"], self.t_end - self.t0
         x, scale, held = self.x0, atol + abs(self.x0) * rtol, self.sampling.held
-        if (f0 := self.advance.derivative(self.t0, x, held)) is None:
+        if (f0 := self.start if held is None else self.advance.derivative(self.t0, x, held)) is None:
             return span  # the first step will name the cause
         d0, d1 = (np.sqrt(np.mean((y / scale) ** 2)) for y in (x, f0))
         h0 = min(1e-6 if d0 < 1e-5 or d1 < 1e-5 else 0.01 * d0 / d1, span)
