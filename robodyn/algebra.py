@@ -70,7 +70,7 @@ def mirrored(A: Array) -> Array:
 
 def congruent(R: Array, A: Array) -> Array:
     """R A Rᵀ (..., 3, 3) for a rotation R: the same map A, resolved in the turned frame."""
-    plane = _plane(R) if R.dtype == object and R.ndim == 2 else None
+    plane = _plane(R) if R.dtype == object and R.ndim == A.ndim == 2 else None
     if plane is None:
         return R @ A @ transpose(R)
 

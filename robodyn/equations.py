@@ -177,14 +177,20 @@ class Equations:
         return energy.momentum(self.tree, kinematics.motion(self.tree, q, v))
 
     def link_poses(self, q: Array) -> Array:
-        """The pose (..., nlinks, 4, 4) of every link's frame in the ground's; `self.tree` must be open at each joint."""
+        """The pose (..., nlinks, 4, 4) of every link's frame in the ground's."""
         tree = self.tree
+        world = kinematics.world_poses(tree, kinematics.poses(tree, q))
+        if len(tree.bodies) < len(tree.link_body):  # some are fixed to others' bodies, or to the ground
+            placed = (Pose(R, r) for R, r in zip(tree.link_rotation, tree.link_translation, strict=True))
+            matrices = [homogeneous(*(world[b] @ X if b >= 0 else X)) for b, X in zip(tree.link_body, placed, strict=True)]
+            shape = np.broadcast_shapes((*q.shape[:-1], 4, 4), *(T.shape for T in matrices))
+            return np.stack([np.broadcast_to(T, shape) for T in matrices], axis=-3)
 
         def entries(_: Body, X: Pose) -> Array:
             T = homogeneous(*X)
             return T.reshape(*T.shape[:-2], 16)
 
-        poses = tree.rows(tree.each(entries, kinematics.world_poses(tree, kinematics.poses(tree, q))), tree.link_body, 16)
+        poses = tree.rows(tree.each(entries, world), tree.link_body, 16)
         return poses.reshape(*poses.shape[:-1], 4, 4)
 
 

@@ -543,19 +543,33 @@ def test_a_load_that_varies_in_time():
 
 @dataclass(frozen=True, eq=False)
 class Wall(Load):
-    """A spring that pushes on one side only: a branch on a value."""
+    """A spring that pushes on one side only, as NumPy chooses: it can be traced."""
 
     def joint_forces(self, state: State):
         x = state.position(1)
         return {1: np.where(x > 0, -100.0 * x, 0.0 * x)}
 
 
-def test_a_load_with_a_branch_is_refused_by_kernels_with_the_way_out():
-    """It cannot be traced; the readable reference runs it."""
+@dataclass(frozen=True, eq=False)
+class BranchingWall(Load):
+    """The same with Python's `if`: a branch on a value."""
+
+    def joint_forces(self, state: State):
+        x = state.position(1)
+        return {1: -100.0 * x if (x > 0).all() else 0.0 * x}
+
+
+def test_a_load_may_choose_with_numpy_and_not_with_if():
+    """What branches cannot be traced: the error names the load and the way out; the readable reference runs it."""
+    answers = [[-5.0], [0.0]]
     scene = rd.Scene(body_on(Prismatic.from_axis(Z)), gravity=NONE, loads=[Wall()])
-    with pytest.raises(rd.InputError, match=r"Wall.*backend='numpy'"):
+    for backend in ("native", "numpy"):
+        assert np.allclose(scene.forward_dynamics([[0.1], [-0.1]], [0.0], backend=backend), answers, rtol=4 * EPS)
+    scene = rd.Scene(body_on(Prismatic.from_axis(Z)), gravity=NONE, loads=[BranchingWall()])
+    with pytest.raises(rd.InputError, match=r"BranchingWall.*backend='numpy'"):
         scene.forward_dynamics([0.1], [0.0])
-    assert np.allclose(scene.forward_dynamics([[0.1], [-0.1]], [0.0], backend="numpy"), [[-5.0], [0.0]], rtol=4 * EPS)
+    found = [scene.forward_dynamics([x], [0.0], backend="numpy") for x in (0.1, -0.1)]
+    assert np.allclose(found, answers, rtol=4 * EPS)
 
 
 # --- what the file declares --------------------------------------------------------------------------------------------

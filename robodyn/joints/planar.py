@@ -5,7 +5,7 @@ from typing import Self
 
 import numpy as np
 
-from ..algebra import cross, rotation, transpose
+from ..algebra import cross, frozen, rotation, transpose
 from ..arithmetic import Array, cos, exact, sin, unit, zeros
 from .base import AxisJoint
 
@@ -27,7 +27,7 @@ class Planar(AxisJoint):
     def __post_init__(self) -> None:
         if self.first is None:
             u = np.eye(3)[(int(np.argmax(abs(self.axis))) + 1) % 3]
-            object.__setattr__(self, "first", unit(u - self.axis * (self.axis * u).sum()))
+            object.__setattr__(self, "first", frozen(unit(u - self.axis * (self.axis * u).sum())))
 
     def exact(self) -> Self:
         return replace(self, axis=unit(exact(self.axis)), first=None)
