@@ -38,8 +38,8 @@ _EMPTY = np.empty(0, dtype=object)
 
 
 def symbols(x: Any) -> Any:
-    """An object array as one that NumPy's functions ask first; all else as it is."""
-    return x.view(SymbolArray) if isinstance(x, np.ndarray) and x.dtype == object else x
+    """A copy of an object array that NumPy's functions ask first: whoever gets it may write into it. All else as it is."""
+    return x.copy().view(SymbolArray) if isinstance(x, np.ndarray) and x.dtype == object else x
 
 
 def _plain(x: Any) -> Any:
@@ -60,10 +60,14 @@ def _select(conditions: Any, choices: Any, default: Any = 0.0) -> Array:
     return result
 
 
-def _clip(x: Any, low: Any = None, high: Any = None, **limits: Any) -> Array:
-    low, high = limits.get("min", low), limits.get("max", high)
+def _clip(x: Any, a_min: Any = None, a_max: Any = None, out: Any = None, *, min: Any = None, max: Any = None) -> Array:
+    low, high = (min if a_min is None else a_min), (max if a_max is None else a_max)
     x = x if low is None else arithmetic.maximum(x, low)
-    return x if high is None else arithmetic.minimum(x, high)
+    x = x if high is None else arithmetic.minimum(x, high)
+    if out is None:
+        return x
+    out[...] = x
+    return out
 
 
 FUNCTIONS: dict[Callable[..., Any], Callable[..., Any]] = {

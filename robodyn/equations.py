@@ -44,6 +44,8 @@ def _joint_forces(load: Load, state: State) -> Mapping[int, Array]:
     try:
         return load.joint_forces(state)
     except TypeError as error:
+        if state.q.dtype != object:
+            raise
         raise InputError(f"{type(load).__name__} cannot be compiled: {error}. Run it with backend='numpy'") from error
 
 
@@ -219,6 +221,11 @@ class Views:
     def lumped(self) -> Equations:
         """On the bodies that move; links on fixed joints are lumped."""
         return self.opened_at(())
+
+    @property
+    def placed(self) -> Equations:
+        """Those that place links with the fewest operations."""
+        return self.lumped
 
     @property
     def opened(self) -> Equations:

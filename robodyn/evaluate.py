@@ -27,7 +27,9 @@ from .model import Mechanism
 from .questions import Answer, Evolution, ForwardDynamics, InverseDynamics, JointReactions, MassMatrix, Question
 from .trust import refuse_impossible, refuse_infinite, refuse_massless, refuse_undetermined, smallest_pivots
 
-UNROLLED = 60  # moving bodies up to which a kernel is straight-line code: beyond, compiling takes longer than it is worth
+UNROLLED = (
+    50  # moving bodies and freedoms up to which a kernel is straight-line code: beyond, that takes seconds to compile and gains little
+)
 BACKENDS = ("native", "numpy", "mpmath")
 DEFAULT = "native" if find_spec("llvmlite") else "numpy"
 
@@ -68,8 +70,7 @@ class Evaluator:
         """
         inputs.choice("backend", backend, BACKENDS)
         precise = inputs.precision(dtype, backend)
-        if threads is not None and (not isinstance(threads, int) or threads < 1):
-            raise InputError(f"threads={threads!r} must be a whole number of at least 1, or None for all cores")
+        inputs.thread_count(threads)
         # The saddle-point routes are oracles: they choose pivots, which no kernel can.
         natively = backend == "native" and getattr(question, "formalism", "") not in SADDLES
         if natively and isinstance(question, MassMatrix) and self.loops:
@@ -157,8 +158,8 @@ class Evaluator:
             values = answer.values if dtype == DOUBLE else {name: np.asarray(x).astype(dtype) for name, x in answer.values.items()}
         if answer.solution is not None:
             refuse_undetermined(self.robot, self.views().lumped.tree, answer.solution, float(np.finfo(dtype).eps))
-        refuse_infinite(values)
         batch, shapes = next(iter(checked.values())).shape[:-1], question.shapes(self.robot)
+        refuse_infinite(values, shapes)
         return {name: np.array(np.broadcast_to(x, batch + shapes[name])) for name, x in values.items()}
 
     # --- kernels ---
@@ -210,7 +211,7 @@ class Evaluator:
     def loops(self) -> bool:
         """Whether kernels loop over the bodies: there are too many to write out, and none shares another's coordinate."""
         tree = self.views().lumped.tree
-        return len(tree.bodies) > UNROLLED and not tree.has_mimic
+        return max(len(tree.bodies), tree.nv) > UNROLLED and not tree.has_mimic
 
     def _symbolic(self, looped: bool) -> tuple[Graph | Recorder, Views]:
         """What records operations on symbols, and the equations to trace on it."""

@@ -83,6 +83,13 @@ def number(name: str, value: object) -> float:
     return number
 
 
+def thread_count(value: object) -> int | None:
+    """How many threads may share the work; None: one per core."""
+    if value is not None and (isinstance(value, bool) or not isinstance(value, int) or value < 1):
+        raise InputError(f"threads={value!r} must be a whole number of at least 1, or None for all cores")
+    return value
+
+
 def vector3(name: str, value: object) -> Array:
     """`value` as three finite numbers."""
     x = array(name, value, 3, "x, y and z")

@@ -122,6 +122,10 @@ class LoopedViews(Views):
         return self._looped[equations.tree]
 
     @property
+    def placed(self) -> Equations:
+        return self.opened  # each link a body, and so a turn of the loop
+
+    @property
     def opened(self) -> Equations:
         return self.opened_at(range(len(self._views.lumped.mechanism.joints)))
 

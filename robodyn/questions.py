@@ -184,4 +184,4 @@ class LinkPoses(Question):
         return {"poses": (len(robot.links), 4, 4)}
 
     def answer(self, views: Views, t: Array | float, q: Array) -> Answer:  # type: ignore[override]
-        return Answer({"poses": views.opened.link_poses(q)})
+        return Answer({"poses": views.placed.link_poses(q)})

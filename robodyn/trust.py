@@ -24,7 +24,7 @@ def smallest_pivots(tree: Tree, solution: Solution, eps: float = EPS) -> Array:
     """
     if tree.nv <= FEW or solution.moved is None:
         return 64 * (tree.nv + 1) * eps * tree.pivot_scales
-    return 1024 * eps * solution.moved
+    return 128 * eps * solution.moved
 
 
 def refuse_impossible(mechanism: Mechanism, tree: Tree) -> None:
@@ -94,11 +94,11 @@ def _at(index: tuple[int, ...]) -> str:
     return f" in state [{', '.join(map(str, index))}]" if index else ""
 
 
-def refuse_infinite(values: Mapping[str, Array]) -> None:
-    """ModelError where an answer is not finite although every argument was."""
-    for x in values.values():
+def refuse_infinite(values: Mapping[str, Array], shapes: Mapping[str, tuple[int, ...]]) -> None:
+    """ModelError where an answer is not finite although every argument was; shapes: of one state's answer."""
+    for name, x in values.items():
         bad = np.argwhere(~np.isfinite(np.asarray(x).astype(float)))
         if len(bad):
-            index = tuple(int(i) for i in bad[0])
+            index = tuple(int(i) for i in bad[0])[: len(bad[0]) - len(shapes[name])]
             kind = "float32" if np.asarray(x).dtype == np.float32 else "float64"
             raise ModelError(f"the result{_at(index)} is not finite: displacements, velocities or forces are too large for {kind}")

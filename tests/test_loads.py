@@ -345,15 +345,17 @@ def test_a_control_law_is_asked_state_by_state():
     assert error(found[1, 2], expected) < C * condition(c.robot, c.q) * EPS
 
 
-def test_a_control_law_cannot_change_the_state():
+@pytest.mark.parametrize("backend", ["native", "numpy"])
+def test_a_control_law_cannot_change_the_state(backend):
+    """What it writes into is a copy, by either backend."""
     c = case(3, n=3)
 
     def greedy(t, q, v):
         q -= 1.0
         return v
 
-    with pytest.raises(ValueError, match="read-only"):
-        rd.Scene(c.robot, loads=[rd.ControlLaw(greedy)]).forward_dynamics(c.q, c.v, backend="numpy")
+    found = rd.Scene(c.robot, loads=[rd.ControlLaw(greedy)]).forward_dynamics(c.q, c.v, backend=backend)
+    assert error(found, c.reference.forward_dynamics(c.q, c.v, c.v)) < C * condition(c.robot, c.q) * EPS
 
 
 @pytest.mark.parametrize("seed", [3, 6])
@@ -744,3 +746,51 @@ def test_a_load_is_a_record_of_its_own():
     damping["joint"] = -5.0
     force[:] = 100.0
     assert np.array_equal(scene.forward_dynamics([0.0], [1.0]), before)
+
+
+# --- what a user may do with what he is given, and with what he gave ---------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        lambda t, q, v: np.clip(-500.0 * q, a_min=-5.0, a_max=5.0),
+        lambda t, q, v: np.clip(-500.0 * q, -5.0, a_max=5.0),
+        lambda t, q, v: np.clip(-500.0 * q, min=-5.0, max=5.0),
+        lambda t, q, v: np.clip(tau := -500.0 * q, -5.0, 5.0, out=tau),
+    ],
+    ids=["a_min a_max", "mixed", "min max", "out"],
+)
+def test_clip_limits_a_compiled_law_however_it_is_written(law):
+    robot = rd.random_robot(np.random.default_rng(5), 4, joint_types=("revolute",))
+    scene = rd.Scene(robot, gravity=NONE, loads=[rd.ControlLaw(law)])
+    q, v = np.array([0.5, -0.001, 0.002, -0.7]), np.zeros(4)
+    expected = robot.forward_dynamics(q, v, np.clip(-500.0 * q, -5.0, 5.0), gravity=NONE)
+    for backend in ("native", "numpy"):
+        assert error(scene.forward_dynamics(q, v, backend=backend), expected) < C * condition(robot, q) * EPS
+
+
+def test_a_law_may_write_into_the_state_that_it_is_given():
+    """It is a copy: the robot's own state stays what it is."""
+
+    def law(t, q, v):
+        v[2:] = 0.0
+        return -5.0 * v
+
+    robot = rd.random_robot(np.random.default_rng(6), 4, joint_types=("revolute",))
+    scene, (q, v) = rd.Scene(robot, loads=[rd.ControlLaw(law)]), robot.random_state(np.random.default_rng(7))
+    expected = robot.forward_dynamics(q, v, np.concatenate([-5.0 * v[:2], [0.0, 0.0]]))
+    for backend in ("native", "numpy"):
+        assert error(scene.forward_dynamics(q, v, backend=backend), expected) < C * condition(robot, q) * EPS
+
+
+def test_a_load_keeps_the_numbers_that_it_was_given():
+    """A kernel compiled before the user's array changes and one compiled after answer alike."""
+    robot = rd.random_robot(np.random.default_rng(8), 3, joint_types=("revolute",))
+    name, coefficient, force = robot.joint_names[0], np.array([5.0]), np.array([1.0, 2.0, 3.0])
+    scene = rd.Scene(robot, loads=[rd.JointDamping({name: coefficient}), rd.LinkWrench(robot.link_names[-1], force=force)])
+    q, v = robot.random_state(np.random.default_rng(9))
+    a = scene.forward_dynamics(q, v)
+    coefficient[0], force[:] = 500.0, 100.0
+    M = robot.mass_matrix(q)
+    assert abs(scene.inverse_dynamics(q, v, a)).max() <= C * EPS * (abs(M) @ abs(a)).max() * np.linalg.cond(M)

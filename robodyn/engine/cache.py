@@ -22,7 +22,7 @@ def folder() -> Path | None:
     if setting.lower() in ("off", "0", "no", "false"):
         return None
     if setting:
-        path = Path(setting)
+        path = Path(setting).expanduser()
     else:
         from platformdirs import user_cache_path
 
@@ -80,7 +80,10 @@ def clear() -> tuple[int, int]:
 
 def usage() -> tuple[int, int]:
     """Number of entries and their bytes."""
-    sizes = [file.stat().st_size for file in _entries(folder())]
+    sizes = []
+    for file in _entries(folder()):
+        with contextlib.suppress(OSError):  # another process may have removed it
+            sizes.append(file.stat().st_size)
     return len(sizes), sum(sizes)
 
 

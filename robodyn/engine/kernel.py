@@ -104,7 +104,7 @@ class Kernel:
 def load(ir: str, tables: Mapping[str, Array] = MappingProxyType({})) -> Loaded:
     """Machine code of a module, from the cache where it is there, its pointers set to the tables of their names."""
     version = ".".join(map(str, llvm().llvm_version_info))
-    name = cache.key(ir, version, *cpu(), OPTIONS)
+    name = cache.key(ir, version, llvm().get_default_triple(), *cpu(), OPTIONS)
     code = cache.get(name)
     if code is None:
         code = object_code(ir)

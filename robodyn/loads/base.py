@@ -3,10 +3,11 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
+from ..algebra import frozen
 from ..arithmetic import Array, exact, is_exact
 from ..dispatch import symbols
 from ..errors import InputError
@@ -71,9 +72,8 @@ class Load:
     """Forces f̌ᵗ in joints and on links. Override what the load has."""
 
     def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            if isinstance(value, dict):  # the user's dictionary may change, the load does not
-                object.__setattr__(self, name, dict(value))
+        for name, value in vars(self).items():  # the user's dictionaries and arrays may change, the load does not
+            object.__setattr__(self, name, _kept(value))
 
     conservative: ClassVar[bool] = False  # its work is minus the change of `potential`
 
@@ -91,6 +91,13 @@ class Load:
     def potential(self, state: State) -> Array | float:
         """Potential energy (...) [J] of a conservative load."""
         return 0.0
+
+
+def _kept(value: Any) -> Any:
+    """A value that its giver can no longer change, as far as it is made of dictionaries and arrays."""
+    if isinstance(value, dict):
+        return {key: _kept(x) for key, x in value.items()}
+    return frozen(value) if isinstance(value, np.ndarray) and value.dtype.kind in "biuf" else value
 
 
 def joint_table(mechanism: Mechanism, values: Mapping[str, object], what: str) -> dict[int, Array]:

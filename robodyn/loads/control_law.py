@@ -38,7 +38,7 @@ class ControlLaw(Load):
         """The law on symbols: NumPy's arithmetic and functions pass, a branch on a value does not."""
         q, v = symbols(state.q), symbols(state.v)
         try:
-            tau, again = (np.asarray(self.law(state.t, q, v), dtype=object) for _ in range(2))  # type: ignore[arg-type]
+            tau, again = (np.asarray(self.law(state.t, q.copy(), v.copy()), dtype=object) for _ in range(2))  # type: ignore[arg-type]
         except Exception as error:
             frames = [f for f in traceback.extract_tb(error.__traceback__) if not Path(f.filename).is_relative_to(_ROBODYN)]
             # The user's own last line, not one of a library that it called; a library's where the law is one.
@@ -49,7 +49,8 @@ class ControlLaw(Load):
                 f"without branches on values; or {_INSTEAD}"
             ) from error
         # Compiled, its first answer would hold for ever.
-        if [getattr(x, "number", x) for x in tau.flat] != [getattr(x, "number", x) for x in again.flat]:
+        first, second = ([getattr(x, "number", x) for x in answer.flat] for answer in (tau, again))
+        if any(x != y and x == x for x, y in zip(first, second, strict=False)):  # a NaN differs from itself
             raise InputError(f"the control law answers the same call differently each time: it has a memory. {_INSTEAD}")
         if tau.shape != (state.mechanism.nv,):
             raise InputError(f"the control law returned an array of shape {tau.shape}: it must be ({state.mechanism.nv},)")
@@ -67,8 +68,8 @@ class ControlLaw(Load):
         tau = np.empty((*batch, nv))
         for i in np.ndindex(batch):
             try:
-                answer = np.asarray(self.law(float(t[i]), q[i], v[i]), dtype=float)
-            except (ZeroDivisionError, np.linalg.LinAlgError) as error:  # would be taken for singular equations of motion
+                answer = np.asarray(self.law(float(t[i]), q[i].copy(), v[i].copy()), dtype=float)
+            except (TypeError, ValueError, ZeroDivisionError, np.linalg.LinAlgError) as error:
                 raise InputError(f"the control law raised {type(error).__name__} at t={float(t[i])}: {error}") from error
             if answer.shape != (nv,):
                 raise InputError(f"the control law returned an array of shape {answer.shape} at t={float(t[i])}: it must be ({nv},)")

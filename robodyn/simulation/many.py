@@ -79,6 +79,7 @@ def simulate_many(
     wanted = np.array([t_end]) if fps is None and times is None else output_times(t0, t_end, fps, times)
     assert wanted is not None
 
+    inputs.thread_count(threads)
     states = inputs.checked(scene.robot, {"q0": scene.robot.neutral() if q0 is None else q0, "v0": v0})
     q, v = (np.atleast_2d(x) for x in states.values())
     if q.ndim != 2:
@@ -88,11 +89,15 @@ def simulate_many(
 
     # Blocks of lanes; beyond the last state, the last again.
     width = lanes()
-    advance = native.compiled(scene.evaluator, method, formalism, width)
+    try:
+        advance = native.compiled(scene.evaluator, method, formalism, width)
+    except ZeroDivisionError:  # a pivot is zero whatever the state: NumPy's formalism says which
+        scene.evaluator.ask(Evolution(formalism), "numpy", t=t0, q=q[:1], v=v[:1], tau=None)
+        raise
     rows = np.minimum(np.arange(-(-len(x0) // width) * width), len(x0) - 1).reshape(-1, width)
     started, stop = time.perf_counter(), threading.Event()
     crowd = native.Crowd(advance, x0[rows].transpose(0, 2, 1), t0, t_end, wanted, dt)
-    workers = min(threads or os.cpu_count() or 1, len(rows))
+    workers = max(1, min(threads or os.cpu_count() or 1, len(rows)))
     ends = np.linspace(0, len(rows), workers + 1).astype(int)
     if workers == 1:
         failed = [crowd.run(0, len(rows), lambda: True)]

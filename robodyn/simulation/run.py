@@ -91,7 +91,7 @@ def simulate(
             (integration.run_natively if in_native_code else integration.run_in_python)(wanted, backend, report)
         except KeyboardInterrupt:
             reached = f"t={integration.reached:.6g} s of {t_end:g} s"
-            warnings.warn(f"interrupted at {reached}: the trajectory ends there", RobodynWarning, stacklevel=2)
+            warnings.warn(f"interrupted at {reached}: the trajectory ends with its last state before", RobodynWarning, stacklevel=2)
         except SimulationError as error:
             failure = error
         except ModelError as error:

@@ -1,5 +1,6 @@
 """The step loop in native code against the same methods in Python, and trajectories side by side in SIMD lanes."""
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 from tools import case
 
 import robodyn as rd
+from robodyn.model import Link
 
 BACKENDS = ("native", "numpy")
 
@@ -151,3 +153,18 @@ def rods():
     from pathlib import Path
 
     return Path(__file__).parents[2] / "robots" / "pendulum.urdf"
+
+
+@pytest.mark.parametrize("threads", [0, -1, 1.5, "a", True])
+def test_many_trajectories_refuse_what_is_no_number_of_threads(threads):
+    robot = rd.random_robot(np.random.default_rng(0), 2, joint_types=("revolute",))
+    with pytest.raises(rd.InputError, match="threads="):
+        rd.simulate_many(robot, q0=np.zeros((3, 2)), t_end=0.01, threads=threads)
+
+
+def test_no_trajectories_and_trajectories_that_cannot_start():
+    robot = rd.random_robot(np.random.default_rng(0), 2, branching=0.0, joint_types=("revolute",))
+    assert rd.simulate_many(robot, q0=np.zeros((0, 2)), t_end=0.01).q.shape[0] == 0
+    massless = replace(robot, links=(*robot.links[:-1], Link(robot.links[-1].name)))
+    with pytest.raises(rd.ModelError, match=robot.joint_names[-1]):
+        rd.simulate_many(massless, q0=np.zeros((3, 2)), t_end=0.01)

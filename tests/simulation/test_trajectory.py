@@ -669,7 +669,7 @@ def test_ctrl_c_keeps_what_has_been_computed(method, fps, backend, tmp_path):
     robot = rd.load(ROBOTS / "pendulum.urdf")
     options = {"t_end": 2.0, "q0": [1.0], "method": method, "dt": 0.02, "fps": fps, "rtol": 1e-6, "backend": backend}
     whole = rd.simulate(robot, **options)
-    with pytest.warns(rd.RobodynWarning, match=r"interrupted at t=.* s of 2 s: the trajectory ends there"):
+    with pytest.warns(rd.RobodynWarning, match=r"interrupted at t=.* s of 2 s: the trajectory ends with its last state before"):
         part = rd.simulate(robot, progress=stopping(0.4), **options)
     assert not part.completed
     assert part.stats["completed"] is False
