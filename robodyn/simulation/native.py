@@ -1,6 +1,7 @@
 """The step loop in native code: what `simulate` and `simulate_many` drive, a budget of steps at a time."""
 
 import ctypes
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -61,16 +62,28 @@ class Run:
 
     def __init__(self, advance: Advance, x0: Array, t0: float, times: Array, settings: dict[str, float]) -> None:
         self._advance, self._times, self._dt = advance, np.ascontiguousarray(times, dtype=float), settings["dt"]
-        values = {"t": t0, "t0": t0, "t_end": t0, "rtol": settings["rtol"], "atol": settings["atol"]}
-        self._header = np.array([values.get(name, 0.0) for name in integrate.HEADER])
-        self._x = _aligned((advance.nx, advance.lanes))
+        nx, lanes, n = advance.nx, advance.lanes, len(times)
+        # One allocation: a short run takes about as long as a few of them.
+        shapes = {
+            "header": (len(_PLACE),),
+            "x": (nx, lanes),
+            "k": (advance.room, lanes),
+            "held": (advance.nheld, lanes),
+            "out": (n, nx, lanes),
+        }
+        places, end = {}, 0
+        for name, shape in shapes.items():
+            places[name], end = end, end + -(-math.prod(shape) // 8) * 8
+        memory = _aligned((end,))
+        views = {name: memory[places[name] : places[name] + math.prod(shape)].reshape(shape) for name, shape in shapes.items()}
+        self._header, self._x, self.k, self._held, self._out = views.values()
         self._x[:] = x0
-        self.k = _aligned((advance.room, advance.lanes))
-        self._held = _aligned((advance.nheld, advance.lanes))
-        self._out = _aligned((len(times), advance.nx, advance.lanes))
+        for name, value in (("t", t0), ("t0", t0), ("t_end", t0), ("rtol", settings["rtol"]), ("atol", settings["atol"])):
+            self._put(name, value)
         self._budget, self._steps = 64, 0
-        arrays = (self._header, self._x, self.k, self._held, self._times)
-        self._arguments = (*(x.ctypes.data for x in arrays), len(times), self._out.ctypes.data)
+        address = memory.ctypes.data
+        pointers = [address + 8 * places[name] for name in shapes]
+        self._arguments = (*pointers[:4], self._times.ctypes.data, n, pointers[4])
         # Outputs at the start are the start.
         while self._number("next") < len(times) and times[int(self._number("next"))] <= t0:
             self._out[int(self._number("next"))] = self._x
@@ -178,7 +191,7 @@ class Crowd:
 
 def _aligned(shape: tuple[int, ...]) -> Array:
     """Zeros that start on a cache line: the compiled loads are aligned to a whole vector."""
-    size = int(np.prod(shape))
+    size = math.prod(shape)
     raw = np.zeros(size + 8)
     start = (-raw.ctypes.data // 8) % 8
     return raw[start : start + size].reshape(shape)
