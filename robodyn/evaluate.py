@@ -30,6 +30,7 @@ from .trust import refuse_impossible, refuse_infinite, refuse_massless, refuse_u
 UNROLLED = (
     50  # moving bodies and freedoms up to which a kernel is straight-line code: beyond, that takes seconds to compile and gains little
 )
+WRITTEN_OUT = 100  # up to which what has no loops (mimic joints, "nonrecursive") is compiled all the same; beyond, NumPy answers
 BACKENDS = ("native", "numpy", "mpmath")
 DEFAULT = "native" if find_spec("llvmlite") else "numpy"
 
@@ -71,8 +72,7 @@ class Evaluator:
         inputs.choice("backend", backend, BACKENDS)
         precise = inputs.precision(dtype, backend)
         inputs.thread_count(threads)
-        # The saddle-point routes are oracles: they choose pivots, which no kernel can.
-        natively = backend == "native" and getattr(question, "formalism", "") not in SADDLES
+        natively = backend == "native" and self.compiles(getattr(question, "formalism", "auto"))
         if natively and isinstance(question, MassMatrix) and self.loops:
             return self._written({"M": self._mass_matrix(threads=threads, dtype=precise, **arrays)}, out, arrays)
         if natively:
@@ -212,6 +212,16 @@ class Evaluator:
         """Whether kernels loop over the bodies: there are too many to write out, and none shares another's coordinate."""
         tree = self.views().lumped.tree
         return max(len(tree.bodies), tree.nv) > UNROLLED and not tree.has_mimic
+
+    def compiles(self, formalism: str) -> bool:
+        """Whether a kernel answers for this route: in loops, or written out where that compiles in reasonable time.
+
+        The saddle-point routes are oracles: they choose pivots, which no kernel can.
+        """
+        if formalism in SADDLES:
+            return False
+        tree = self.views().lumped.tree
+        return (self.loops and formalism != "nonrecursive") or max(len(tree.bodies), tree.nv) <= WRITTEN_OUT
 
     def _symbolic(self, looped: bool) -> tuple[Graph | Recorder, Views]:
         """What records operations on symbols, and the equations to trace on it."""

@@ -51,9 +51,10 @@ class Robot(Mechanism):
 
     def _hasten(self, name: str, question: Question, arrays: tuple[str, ...], optional: int = 0) -> None:
         """From now on, answer plain calls of a method by a built-in function: the instance's attribute stands before the class's."""
-        if name not in self.__dict__ and DEFAULT == "native" and fastcall.supported():
+        evaluator = self._on_earth.evaluator
+        if name not in self.__dict__ and DEFAULT == "native" and fastcall.supported() and evaluator.compiles("auto"):
             try:
-                kernel = self._on_earth.evaluator.kernel(question)
+                kernel = evaluator.kernel(question)
             except ZeroDivisionError:  # a pivot is zero whatever the state: the method itself says which
                 return
             function, kept = fastcall.bind(kernel, arrays, MethodType(getattr(type(self), name), self), optional=optional)
