@@ -59,7 +59,8 @@ class Kernel:
             bad = run(*arguments, *(pointer + item * size * first for pointer, size in outs), last - first)
             return first + bad if bad >= 0 else -1
 
-        workers = min(threads or os.cpu_count() or 1, n * self.program.length // WORK) if n >= 2 * width else 1
+        workers = n * self.program.length // WORK if n >= 2 * width and threads != 1 else 1
+        workers = min(workers, threads or os.cpu_count() or 1) if workers > 1 else 1
         if workers <= 1:
             return outputs, part(0, n)
         # Chunks are whole blocks of lanes; the last takes what is left over.
