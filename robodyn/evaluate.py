@@ -1,6 +1,6 @@
 """How a question is answered: by the formalism itself on float64 or 50-digit numbers, or by a kernel traced from it.
 
-The only place that knows both the equations and the engine.
+With `looped` the only place that knows both the equations and the engine.
 """
 
 import threading
