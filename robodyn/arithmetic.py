@@ -6,6 +6,7 @@ have dtype object. These few functions are all that has to know the difference.
 """
 
 import operator
+import sys
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from typing import Any
@@ -162,7 +163,8 @@ def exact(x: Any) -> Any:
 
 def is_exact(x: Array) -> bool:
     """Whether an array holds mpmath numbers."""
-    return x.dtype == object and any(isinstance(e, mpmath().mpf) for e in x.flat)
+    module = sys.modules.get("mpmath")  # where nobody has imported it, there are none of its numbers
+    return module is not None and x.dtype == object and any(isinstance(e, module.mpf) for e in x.flat)
 
 
 def orthonormal(R: Array) -> Array:

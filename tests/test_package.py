@@ -217,3 +217,21 @@ def test_the_version_is_one():
     from importlib.metadata import version
 
     assert version("robodyn") == rd.__version__
+
+
+def test_loads_and_control_laws_need_no_package_of_an_extra():
+    """The README's first script and the control laws, in a process where mpmath, Pinocchio, MuJoCo and Matplotlib cannot be imported."""
+    code = """
+import sys
+sys.modules.update(dict.fromkeys(("mpmath", "pinocchio", "mujoco", "matplotlib")))
+import numpy as np, robodyn as rd
+robot = rd.random_robot(np.random.default_rng(0), 3, joint_types=("revolute",))
+law = lambda t, q, v: np.where(q > 0, -np.tanh(q), -2.0 * v)
+loads = [rd.LinkWrench("link_3", force=(0, 0, -50)), rd.ControlLaw(law), rd.Sampled(lambda t, q, v: -q, 1e-2)]
+for backend in ("native", "numpy"):
+    trajectory = rd.simulate(rd.Scene(robot, loads=loads), t_end=0.05, backend=backend)
+    assert np.isfinite(trajectory.reactions().array).all() and trajectory.completed
+print("fine")
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.stdout.strip() == "fine", done.stderr
