@@ -11,7 +11,7 @@ from tools import EPS, case, condition, error
 
 import robodyn as rd
 from robodyn.algebra import frozen, rotation
-from robodyn.engine import emit, integrate, kernel as kernels
+from robodyn.engine import blocks, integrate, kernel as kernels
 from robodyn.engine.sweeps import Looped
 from robodyn.joints import JOINT_TYPES, Fixed
 from robodyn.model import GROUND, Inertia, Joint, Link, Mimic
@@ -443,8 +443,8 @@ def test_code_is_the_same_for_a_hundred_and_a_thousand_joints():
     def texts(n):
         robot = rd.random_robot(np.random.default_rng(n), n, branching=0.3, joint_types=("revolute", "prismatic"))
         evaluator = rd.Scene(robot, loads=[rd.JointDamping(dict.fromkeys(robot.joint_names, 0.1))]).evaluator
-        yield emit.module(evaluator.kernel(ForwardDynamics("auto")).program, 8)
-        yield emit.module(evaluator.kernel(JointReactions("auto", "world", "total", tuple(range(n)))).program, 1)
+        yield blocks.module(evaluator.kernel(ForwardDynamics("auto")).program, 8)
+        yield blocks.module(evaluator.kernel(JointReactions("auto", "world", "total", tuple(range(n)))).program, 1)
         bare = rd.Scene(robot).evaluator
         yield integrate.module(METHODS["rk4"].tableau(), bare.evolution("auto"), bare.projection(), 1)
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from . import elementary
+from .constants import WINDOW, Constants
 from .functions import LIBRARY, TOGETHER, Type, by_lane, declarations, sincos, sincos_together
 from .graph import LEAVES, TRIGONOMETRIC
 from .program import Program
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     from .loops import LoopedPart
     from .sweeps import Looped
 
-RUN = "evaluate"  # the part that `run` of a module calls
 WHOLE = 10000  # instructions up to which a program is one function: what crosses a border goes through memory
 PIECE = 2500  # instructions in one function beyond: LLVM's time grows faster than linearly, and it spills more than crosses
 BINARY = {"add": "fadd", "sub": "fsub", "mul": "fmul", "div": "fdiv"}
@@ -59,6 +59,11 @@ class Part:
         for k, piece in enumerate(self._pieces):
             yield from _piece(self.program, self._t, f"{self.name}{k}", piece, self.slots, inline=self._inline)
 
+    @property
+    def straight(self) -> bool:
+        """Whether it is one piece."""
+        return len(self._pieces) == 1
+
     def calls(self, slots: str) -> list[str]:
         """The lines that evaluate the program on slots whose inputs are set."""
         return [f"  call void @{self.name}{k}(ptr {slots})" for k in range(len(self._pieces))]
@@ -90,25 +95,6 @@ def part(program: "Program | Looped", t: Type, name: str, *, inline: bool = True
 def tables(**programs: "Program | Looped | None") -> dict[str, np.ndarray]:
     """What the code of programs reads beside its arguments, by the names that it has in a module with parts of these names."""
     return {f"{name}.{key}": x for name, program in programs.items() if program for key, x in program.tables.items()}
-
-
-def module(program: "Program | Looped", lanes: int, scalar: str = "double") -> str:
-    """IR text with `i64 @run(ptr in…, i64 stride…, ptr out…, i64 count)`, for a count of 0, or of at least `lanes`.
-
-    in: one pointer per input, to rows of scalars ("double" or "float"), `stride` of them apart (0: one row for all); out: rows without
-    gaps. Returns the first row of the first block in which an input, output or guard is not finite or a guard not positive, or −1.
-    """
-    t = Type(lanes, scalar)
-    if not isinstance(program, Program):
-        from . import loops
-
-        return loops.module(program, t)
-    piece = Part(program, t, RUN)
-    lines = [*prologue(t, program), *piece.functions(), *_run(piece, t)]
-    if lanes > 1:
-        lines.append(f"declare {t.float} @llvm.masked.load.{t.name}.p0(ptr, i32, {t.bool}, {t.float})")
-        lines.append(f"declare void @llvm.masked.store.{t.name}.p0({t.float}, ptr, i32, {t.bool})")
-    return "\n".join(lines) + "\n"
 
 
 def _pieces(program: Program, size: int | None) -> list[range]:
@@ -158,54 +144,84 @@ def _piece(program: Program, t: Type, name: str, piece: range, slots: dict[Any, 
         lines.append(f"  %b{j} = fcmp one {F} %v{j}, {t.constant(0.0)}")
         return f"%b{j}"
 
-    operand = instructions(program, t, piece, load, lines)
+    constants = Constants(t, f"{name}.constants")
+    operand = Operands(program, t, load, constants, lines)
+    operand.compute(piece)
 
     # What is needed later. Inputs and constants that are outputs are stored by the first piece.
     stores = [(i, slot) for i, slot in slots.items() if isinstance(i, int)]
     stores += [(i, slots["out", name, k]) for name, values in program.outputs.items() for k, i in enumerate(values)]
     for i, slot in stores:
         if i in piece if program.instructions[i][0] not in LEAVES else piece.start == 0:
-            value = operand(i)
-            if program.instructions[i][0] in CONDITION:
-                lines.append(f"  %f{slot} = select {t.bool} {value}, {F} {t.constant(1.0)}, {F} {t.constant(0.0)}")
-                value = f"%f{slot}"
+            value = operand.number(i)
             lines.append(f"  %q{slot} = getelementptr {F}, ptr %slots, i64 {slot}")
             lines.append(f"  store {F} {value}, ptr %q{slot}")
-    yield f"define internal void @{name}(ptr noalias %slots) {'alwaysinline' if inline else 'noinline'} nounwind {{"
+    yield from constants.definition()
+    yield f"define internal void @{name}(ptr noalias %slots) {'alwaysinline' if inline else 'noinline'} nounwind {t.frame} {{"
     yield from lines
     yield "  ret void"
     yield "}"
 
 
-def instructions(program: Program, t: Type, piece: range, load: Callable[[int], str], lines: list[str]) -> Callable[[int], str]:
-    """Append the code of a run of instructions to the lines; `load` appends what fetches a value from elsewhere and tells its name.
+class Operands:
+    """The code of a program's instructions, and the names of its values in it."""
 
-    Returns a function that tells the name of any value.
-    """
-    F, names = t.float, {}
+    def __init__(self, program: Program, t: Type, load: Callable[[int], str], constants: Constants, lines: list[str]) -> None:
+        """load: appends what fetches a value from elsewhere to the lines, and tells its name."""
+        self._program, self._t, self._load, self._constants, self._lines = program, t, load, constants, lines
+        self._names: dict[int, str] = {}
+        self._numbers: dict[int, str] = {}
 
-    def operand(j: int) -> str:
-        """The name of value j here; a constant's is itself."""
-        if j not in names:
-            op, *rest = program.instructions[j]
-            names[j] = t.constant(rest[0]) if op == "const" else load(j)
-        return names[j]
+    def __call__(self, j: int) -> str:
+        """The name of a value."""
+        op, *rest = self._program.instructions[j]
+        if op == "const":
+            return self._constants.value(rest[0], self._lines)
+        if j not in self._names:
+            self._names[j] = self._load(j)
+        return self._names[j]
 
-    for i in piece:
-        op, *args = program.instructions[i]
-        if op in LEAVES or i in names:
-            continue
-        if op in TRIGONOMETRIC:
-            places = _together(program, piece, i)
-            arguments = dict.fromkeys(program.instructions[k][1] for k in places)
-            results = "{" + ", ".join([F] * (2 * len(arguments))) + "}"
-            passed = ", ".join(f"{F} {operand(j)}" for j in arguments)
-            lines.append(f"  %t{i} = call {results} @sincos.{len(arguments)}({passed})")
-            for k, place in places.items():
-                lines.append(f"  %v{k} = extractvalue {results} %t{i}, {place}")
-                names[k] = f"%v{k}"
-            continue
-        xs = [operand(j) for j in args]
+    def number(self, j: int) -> str:
+        """The name of a value as a number: of a condition, 1 or 0."""
+        value = self(j)
+        if self._program.instructions[j][0] not in CONDITION:
+            return value
+        if j not in self._numbers:
+            t, self._numbers[j] = self._t, f"%f{j}"
+            self._lines.append(f"  %f{j} = select {t.bool} {value}, {t.float} {t.constant(1.0)}, {t.float} {t.constant(0.0)}")
+        return self._numbers[j]
+
+    def compute(self, piece: range, done: Callable[[int], None] = lambda i: None) -> None:
+        """Append the code of a run of instructions; `done` is called with each value that there is a name of."""
+        for n, i in enumerate(piece):
+            if n % WINDOW == 0:
+                self._constants.renew(self._lines)
+            op, *args = self._program.instructions[i]
+            if op in LEAVES or i in self._names:
+                continue
+            if op in TRIGONOMETRIC:
+                together = _together(self._program, piece, i)
+                self._sines(i, together)
+            else:
+                together = {i: 0}
+                self._names[i] = self._instruction(i, op, [self(j) for j in args])
+            for k in together:
+                done(k)
+
+    def _sines(self, i: int, places: dict[int, int]) -> None:
+        """Sines and cosines of several arguments at once."""
+        F, lines = self._t.float, self._lines
+        arguments = dict.fromkeys(self._program.instructions[k][1] for k in places)
+        results = "{" + ", ".join([F] * (2 * len(arguments))) + "}"
+        passed = ", ".join(f"{F} {self(j)}" for j in arguments)
+        lines.append(f"  %t{i} = call {results} @sincos.{len(arguments)}({passed})")
+        for k, place in places.items():
+            lines.append(f"  %v{k} = extractvalue {results} %t{i}, {place}")
+            self._names[k] = f"%v{k}"
+
+    def _instruction(self, i: int, op: str, xs: list[str]) -> str:
+        """Append instruction i; the name of its value."""
+        t, F, lines = self._t, self._t.float, self._lines
         if op in BINARY:
             lines.append(f"  %v{i} = {BINARY[op]} {F} {xs[0]}, {xs[1]}")
         elif op in ("fma", "fms", "fnma"):
@@ -228,8 +244,7 @@ def instructions(program: Program, t: Type, piece: range, load: Callable[[int], 
             lines.append(f"  %v{i} = select {t.bool} {xs[0]}, {F} {xs[1]}, {F} {xs[2]}")
         else:
             lines.append(f"  %v{i} = call {F} @{op}.lanes({', '.join(f'{F} {x}' for x in xs)})")
-        names[i] = f"%v{i}"
-    return operand
+        return f"%v{i}"
 
 
 def _together(program: Program, piece: range, start: int) -> dict[int, int]:
@@ -243,155 +258,3 @@ def _together(program: Program, piece: range, start: int) -> dict[int, int]:
             break
         places[i] = 2 * arguments.setdefault(operands[0], len(arguments)) + TRIGONOMETRIC.index(op)
     return places
-
-
-def _run(part: Part, t: Type) -> Iterator[str]:
-    """The loop over blocks of `lanes` rows: gather, compute, check, scatter."""
-    F, L, program, slots = t.float, t.lanes, part.program, part.slots
-    arguments = [f"ptr noalias readonly %in{k}, i64 %stride{k}" for k in range(len(program.inputs))]
-    arguments += [f"ptr noalias %out{k}" for k in range(len(program.outputs))]
-    yield f"define i64 @run({', '.join(arguments)}, i64 %count) nounwind {{"
-    yield "entry:"
-    yield f"  %slots = alloca {F}, i64 {len(slots)}, align {t.bytes * L}"
-    yield f"  %last = sub i64 %count, {L}"
-    for k in range(len(program.inputs)):
-        for i in range(1, L):
-            yield f"  %far{k}_{i} = mul i64 %stride{k}, {i}"
-    yield "  %none = icmp slt i64 %last, 0"
-    yield "  br i1 %none, label %good, label %loop"
-    yield "loop:"
-    yield "  %row = phi i64 [0, %entry], [%next, %step]"
-    # The last block ends with the last row: it may compute rows of the one before again, and writes the same.
-    yield "  %first = call i64 @llvm.smin.i64(i64 %row, i64 %last)"
-    finite = t.constant(0.0)
-    for k, (name, size) in enumerate(program.inputs.items()):
-        yield f"  %o{k} = mul i64 %first, %stride{k}"
-        yield f"  %i{k}_0 = getelementptr {t.scalar}, ptr %in{k}, i64 %o{k}"
-        for i in range(1, L):
-            yield f"  %i{k}_{i} = getelementptr {t.scalar}, ptr %i{k}_0, i64 %far{k}_{i}"
-        entries, text = gathered(t, f"i{k}", [f"%i{k}_{i}" for i in range(L)], size)
-        yield from text
-        for j, value in enumerate(entries):
-            yield f"  %ip{k}_{j} = getelementptr {F}, ptr %slots, i64 {slots['in', name, j]}"
-            yield f"  store {F} {value}, ptr %ip{k}_{j}"
-            # x · 0 is 0 for a finite x, and NaN for every other: one sum tells of them all.
-            yield f"  %if{k}_{j} = call {F} @llvm.fma.{t.name}({F} {value}, {F} {t.constant(0.0)}, {F} {finite})"
-            finite = f"%if{k}_{j}"
-    yield from part.calls("%slots")
-
-    ok = None
-    for n, i in enumerate(dict.fromkeys(program.guards)):
-        yield f"  %gp{n} = getelementptr {F}, ptr %slots, i64 {slots[i]}"
-        yield f"  %gv{n} = load {F}, ptr %gp{n}"
-        yield f"  %gf{n} = call {F} @llvm.fma.{t.name}({F} %gv{n}, {F} {t.constant(0.0)}, {F} {finite})"
-        finite = f"%gf{n}"
-        yield f"  %gc{n} = fcmp ogt {F} %gv{n}, {t.constant(0.0)}"
-        if ok is not None:
-            yield f"  %ga{n} = and {t.bool} %gc{n}, {ok}"
-        ok = f"%ga{n}" if ok is not None else f"%gc{n}"
-    for k, (name, values) in enumerate(program.outputs.items()):
-        yield f"  %u{k} = mul i64 %first, {len(values)}"
-        yield f"  %w{k}_0 = getelementptr {t.scalar}, ptr %out{k}, i64 %u{k}"
-        for i in range(1, L):
-            yield f"  %w{k}_{i} = getelementptr {t.scalar}, ptr %w{k}_0, i64 {i * len(values)}"
-        columns = []
-        for j in range(len(values)):
-            yield f"  %op{k}_{j} = getelementptr {F}, ptr %slots, i64 {slots['out', name, j]}"
-            yield f"  %ov{k}_{j} = load {F}, ptr %op{k}_{j}"
-            yield f"  %of{k}_{j} = call {F} @llvm.fma.{t.name}({F} %ov{k}_{j}, {F} {t.constant(0.0)}, {F} {finite})"
-            finite = f"%of{k}_{j}"
-            columns.append(f"%ov{k}_{j}")
-        yield from scattered(t, f"o{k}", [f"%w{k}_{i}" for i in range(L)], columns)
-
-    yield f"  %fine = fcmp oeq {F} {finite}, {t.constant(0.0)}"
-    if ok is not None:
-        yield f"  %all = and {t.bool} %fine, {ok}"
-    bits = "%all" if ok is not None else "%fine"
-    if L > 1:
-        yield f"  %mask = bitcast {t.bool} {bits} to i{L}"
-        yield f"  %pass = icmp eq i{L} %mask, -1"
-        bits = "%pass"
-    yield f"  br i1 {bits}, label %step, label %bad, !prof !1"
-    yield "step:"
-    yield f"  %next = add i64 %row, {L}"
-    yield "  %more = icmp slt i64 %next, %count"
-    yield "  br i1 %more, label %loop, label %good"
-    yield "good:"
-    yield "  ret i64 -1"
-    yield "bad:"
-    yield "  ret i64 %row"
-    yield "}"
-    yield "declare i64 @llvm.smin.i64(i64, i64)"
-    yield '!1 = !{!"branch_weights", i32 100000, i32 1}'
-
-
-def gathered(t: Type, name: str, rows: list[str], size: int) -> tuple[list[str], list[str]]:
-    """Names of the columns (one vector per entry, a row per lane) of rows in memory, and the code that gathers them."""
-    F, L, columns, lines = t.float, t.lanes, [], []
-    if L == 1:
-        for j in range(size):
-            lines.append(f"  %{name}a{j} = getelementptr {t.scalar}, ptr {rows[0]}, i64 {j}")
-            lines.append(f"  %{name}c{j} = load {t.scalar}, ptr %{name}a{j}, align {t.bytes}")
-            columns.append(f"%{name}c{j}")
-        return columns, lines
-    for start in range(0, size, L):
-        width = min(L, size - start)
-        loaded = []
-        for i, row in enumerate(rows):
-            lines.append(f"  %{name}a{start}_{i} = getelementptr {t.scalar}, ptr {row}, i64 {start}")
-            value = f"%{name}l{start}_{i}"
-            if width == L:
-                lines.append(f"  {value} = load {F}, ptr %{name}a{start}_{i}, align {t.bytes}")
-            else:
-                arguments = f"ptr %{name}a{start}_{i}, i32 {t.bytes}, {t.bool} {_mask(L, width)}, {F} zeroinitializer"
-                lines.append(f"  {value} = call {F} @llvm.masked.load.{t.name}.p0({arguments})")
-            loaded.append(value)
-        transposed, text = _transposed(t, f"{name}t{start}", loaded)
-        lines += text
-        columns += transposed[:width]
-    return columns, lines
-
-
-def scattered(t: Type, name: str, rows: list[str], columns: list[str]) -> Iterator[str]:
-    """Code that writes columns (a row per lane) to rows in memory."""
-    F, L = t.float, t.lanes
-    if L == 1:
-        for j, value in enumerate(columns):
-            yield f"  %{name}a{j} = getelementptr {t.scalar}, ptr {rows[0]}, i64 {j}"
-            yield f"  store {t.scalar} {value}, ptr %{name}a{j}, align {t.bytes}"
-        return
-    for start in range(0, len(columns), L):
-        group = columns[start : start + L]
-        padded = group + [group[-1]] * (L - len(group))
-        transposed, text = _transposed(t, f"{name}t{start}", padded)
-        yield from text
-        for i, (row, value) in enumerate(zip(rows, transposed, strict=True)):
-            yield f"  %{name}a{start}_{i} = getelementptr {t.scalar}, ptr {row}, i64 {start}"
-            if len(group) == L:
-                yield f"  store {F} {value}, ptr %{name}a{start}_{i}, align {t.bytes}"
-            else:
-                arguments = f"{F} {value}, ptr %{name}a{start}_{i}, i32 {t.bytes}, {t.bool} {_mask(L, len(group))}"
-                yield f"  call void @llvm.masked.store.{t.name}.p0({arguments})"
-
-
-def _mask(lanes: int, width: int) -> str:
-    return "<" + ", ".join(f"i1 {int(k < width)}" for k in range(lanes)) + ">"
-
-
-def _transposed(t: Type, name: str, rows: list[str]) -> tuple[list[str], list[str]]:
-    """A square of lanes × lanes numbers, transposed by swapping blocks of 1, 2, 4, … within pairs of rows."""
-    F, L, rows, lines = t.float, t.lanes, list(rows), []
-    k = 1
-    while k < L:
-        low = [j if not j & k else L + j - k for j in range(L)]
-        high = [j + k if not j & k else L + j for j in range(L)]
-        for i in range(L):
-            if i & k:
-                continue
-            a, b = rows[i], rows[i + k]
-            for target, mask in ((i, low), (i + k, high)):
-                text = ", ".join(f"i32 {m}" for m in mask)
-                lines.append(f"  %{name}_{k}_{target} = shufflevector {F} {a}, {F} {b}, <{L} x i32> <{text}>")
-                rows[target] = f"%{name}_{k}_{target}"
-        k *= 2
-    return rows, lines

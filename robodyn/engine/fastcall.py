@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from . import emit
+from . import blocks, emit
 from .compile import Loaded, lanes
 from .kernel import Kernel, load
 from .program import Program
@@ -57,7 +57,7 @@ def bind(kernel: Kernel, arrays: Sequence[str], fallback: Callable[..., Any], *,
     arrays: the inputs that are arguments, in order; the last `optional` of them may be left out, and are then zero like all other inputs.
     Also returns what must live as long as the function: CPython keeps pointers into it.
     """
-    loaded = load(module(kernel.program, tuple(arrays), optional), emit.tables(**{emit.RUN: kernel.program}))
+    loaded = load(module(kernel.program, tuple(arrays), optional), emit.tables(**{blocks.NAME: kernel.program}))
     table = (ctypes.c_void_p * len(TABLE)).from_address(loaded.address("table"))
     values = {
         "ndarray": id(np.ndarray),
@@ -104,7 +104,7 @@ def module(program: Program | Looped, arrays: tuple[str, ...], optional: int) ->
     """IR text: the scalar kernel `run`, the table, and `ptr @call(ptr self, ptr arguments, i64 count, ptr keywords)`."""
     (values,) = program.outputs.values()
     sizes = [program.inputs[name] for name in arrays]
-    lines = [emit.module(program, 1)]
+    lines = [blocks.module(program, 1)]
     lines.append(f"@table = global [{len(TABLE)} x ptr] zeroinitializer")
     lines.append(f"@zeros = internal constant [{max(program.inputs.values(), default=1)} x double] zeroinitializer")
     lines.append("define ptr @call(ptr %self, ptr %arguments, i64 %count, ptr %keywords) {")

@@ -68,6 +68,8 @@ class Type:
         self.float = self.of(scalar)
         self.int = self.of(self.integer_scalar)
         self.bool = self.of("i1")
+        # Attributes of a function that holds many: LLVM would spill vectors across the borders of cache lines.
+        self.frame = f'alignstack({self.bytes * lanes}) "stackrealign"' if lanes > 1 else ""
 
     def of(self, scalar: str) -> str:
         """The type of a scalar in every lane."""

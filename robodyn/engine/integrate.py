@@ -84,7 +84,7 @@ class _Writer:
         programs = [part.program for part in (self.f, self.project) if part]
         self._advance()
         arrays = ", ".join(f"ptr noalias %{name}" for name in ("header", "x", "k", "held", "times"))
-        head = f"define i64 @advance({arrays}, i64 %ntimes, ptr noalias %out, i64 %budget) nounwind"
+        head = f"define i64 @advance({arrays}, i64 %ntimes, ptr noalias %out, i64 %budget) nounwind {self.t.frame}"
         lines = [*emit.prologue(self.t, *programs), "declare double @llvm.pow.f64(double, double)"]
         if self.t.lanes > 1:
             lines += ["declare double @llvm.fma.f64(double, double, double)", "declare double @llvm.sqrt.f64(double)"]

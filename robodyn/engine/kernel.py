@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..arithmetic import Array
-from . import cache, emit
+from . import blocks, cache, emit
 from .compile import OPTIONS, Loaded, cpu, lanes, llvm, object_code
 from .program import Program
 from .sweeps import Looped
@@ -83,8 +83,8 @@ class Kernel:
     def _compiled(self, width: int) -> Any:
         with self._lock:
             if width not in self._functions:
-                code = emit.module(self.program, width, SCALARS[self.dtype])
-                self._functions[width] = self._function(load(code, emit.tables(**{emit.RUN: self.program})))
+                code = blocks.module(self.program, width, SCALARS[self.dtype])
+                self._functions[width] = self._function(load(code, emit.tables(**{blocks.NAME: self.program})))
                 for listener in self._listeners if width > 1 else ():
                     listener(self._functions[width])
         return self._functions[width]

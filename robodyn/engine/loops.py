@@ -8,7 +8,8 @@ from collections.abc import Iterator
 from typing import Any
 
 from .code import Code
-from .emit import RUN, Part, gathered, instructions, prologue, scattered
+from .constants import Constants
+from .emit import Operands, Part
 from .functions import Type
 from .program import Program
 from .sweeps import FIXED_COLUMNS, Fill, Loop, Looped, Straight
@@ -67,7 +68,7 @@ class LoopedPart:
             lines.append(f"  {name} = getelementptr {'double' if base == 'param' else F}, ptr {bases.get(base, '%slots')}, i64 {offset}")
             return name
 
-        stores = []
+        constants, stores = Constants(t, f"{name}.constants"), []
         if step:
             code, places = step
 
@@ -88,7 +89,8 @@ class LoopedPart:
                 lines.append(f"  %v{j} = shufflevector {F} %i{j}, {F} undef, <{t.lanes} x i32> zeroinitializer")
                 return f"%v{j}"
 
-            operand = instructions(code, t, range(len(code.instructions)), load, lines)
+            operand = Operands(code, t, load, constants, lines)
+            operand.compute(range(len(code.instructions)))
             stores = [(place, operand(value)) for place, value in zip(places, code.outputs[""], strict=True)]
         stores += [(("own", offset), t.constant(0.0)) for offset in loop.clears]
         for n, ((base, offset), value) in enumerate(stores):
@@ -98,7 +100,9 @@ class LoopedPart:
                 lines.append(f"  %new{n} = fadd {F} %old{n}, {value}")
                 value = f"%new{n}"
             lines.append(f"  store {F} {value}, ptr {where}")
-        yield f"define internal void @{name}(ptr noalias %slots, ptr noalias readonly %row, ptr noalias readonly %parameters) nounwind {{"
+        yield from constants.definition()
+        arguments = "ptr noalias %slots, ptr noalias readonly %row, ptr noalias readonly %parameters"
+        yield f"define internal void @{name}({arguments}) nounwind {t.frame} {{"
         yield from lines
         yield "  ret void"
         yield "}"
@@ -125,7 +129,7 @@ class LoopedPart:
         answer = c.value(f"select {t.bool} {c.get(t.bool, good)}, {t.float} {t.constant(1.0)}, {t.float} {t.constant(-1.0)}")
         c.set(t.float, c.at(t.float, "%slots", program.size), answer)
         c.leave("void", "")
-        yield from c.function(f"define internal void @{self.name}(ptr noalias %slots) noinline nounwind")
+        yield from c.function(f"define internal void @{self.name}(ptr noalias %slots) noinline nounwind {t.frame}")
 
     def _finite(self, c: Code, x: str) -> str:
         return c.value(f"fcmp olt {self._t.float} {x}, {self._t.constant(float('inf'))}")
@@ -158,89 +162,3 @@ class LoopedPart:
                 with c.when(c.value(f"icmp eq i64 {kind}, {k}")):
                     c.add(call)
             c.set("i64", i, c.binary("add", "i64", c.get("i64", i), "-1" if loop.inward else "1"))
-
-
-def module(program: Looped, t: Type) -> str:
-    """IR text with the same `@run` as `emit.module` writes for straight-line code."""
-    part = LoopedPart(program, t, RUN)
-    lines = [*prologue(t, program), *part.functions(), *_run(part, t)]
-    lines += ["declare ptr @malloc(i64)", "declare void @free(ptr)", "declare i64 @llvm.smin.i64(i64, i64)"]
-    if t.lanes > 1:
-        lines.append(f"declare {t.float} @llvm.masked.load.{t.name}.p0(ptr, i32, {t.bool}, {t.float})")
-        lines.append(f"declare void @llvm.masked.store.{t.name}.p0({t.float}, ptr, i32, {t.bool})")
-    return "\n".join(lines) + "\n"
-
-
-def _run(part: LoopedPart, t: Type) -> Iterator[str]:
-    """Blocks of `lanes` rows: gather, evaluate, check, scatter; as `emit` does, with loops over the columns."""
-    c, program, F, L = Code(), part.program, t.float, t.lanes
-    memory = c.value(f"call ptr @malloc(i64 {t.bytes * L * part.size + 64})")
-    with c.when(c.value(f"icmp eq ptr {memory}, null")):
-        c.leave("i64", "0")
-    address = c.binary("and", "i64", c.binary("add", "i64", c.value(f"ptrtoint ptr {memory} to i64"), "63"), "-64")
-    slots = c.value(f"inttoptr i64 {address} to ptr")
-    last = c.binary("sub", "i64", "%count", str(L))
-    row, bad = c.variable("i64", "0"), c.variable("i64", "-1")
-
-    def going() -> str:
-        left = c.value(f"icmp slt i64 {c.get('i64', row)}, %count")
-        return c.binary("and", "i1", left, c.value(f"icmp slt i64 {c.get('i64', bad)}, 0"))
-
-    def groups(size: int, start: int, rows_of: list[str], body) -> None:
-        """body(row pointers, slots pointer, width) for every group of at most L columns of a vector."""
-        whole = size // L * L
-        j = c.variable("i64", "0")
-        if whole:
-            with c.repeat(lambda: c.value(f"icmp slt i64 {c.get('i64', j)}, {whole}")):
-                at = c.get("i64", j)
-                place = c.at(F, slots, c.binary("add", "i64", at, str(start)))
-                body([c.at(t.scalar, pointer, at) for pointer in rows_of], place, L)
-                c.set("i64", j, c.binary("add", "i64", at, str(L)))
-        if size > whole:
-            body([c.at(t.scalar, pointer, whole) for pointer in rows_of], c.at(F, slots, start + whole), size - whole)
-
-    with c.repeat(going):
-        # The last block ends with the last row: it may compute rows of the one before again, and writes the same.
-        first = c.value(f"call i64 @llvm.smin.i64(i64 {c.get('i64', row)}, i64 {last})")
-        finite = c.variable(F, t.constant(0.0))
-
-        def checked(x: str) -> None:
-            c.set(F, finite, c.fma(t, x, t.constant(0.0), c.get(F, finite)))
-
-        for k, (name, size) in enumerate(program.inputs.items()):
-            pointers = [
-                c.at(t.scalar, f"%in{k}", c.binary("mul", "i64", c.binary("add", "i64", first, str(i)), f"%stride{k}")) for i in range(L)
-            ]
-
-            def gather(pointers: list[str], place: str, width: int) -> None:
-                values, lines = gathered(t, c.name()[1:], pointers, width)
-                c.lines += lines
-                for n, x in enumerate(values):
-                    c.set(F, c.at(F, place, n), x)
-                    checked(x)
-
-            groups(size, program.starts[name], pointers, gather)
-        c.lines += part.calls(slots)
-
-        good = c.value(f"fcmp ogt {F} {c.get(F, c.at(F, slots, part.slots[TRUSTED]))}, {t.constant(0.0)}")
-        for k, place in enumerate(program.outputs.values()):
-            pointers = [
-                c.at(t.scalar, f"%out{k}", c.binary("mul", "i64", c.binary("add", "i64", first, str(i)), str(len(place)))) for i in range(L)
-            ]
-
-            def scatter(pointers: list[str], place: str, width: int) -> None:
-                values = [c.get(F, c.at(F, place, n)) for n in range(width)]
-                for x in values:
-                    checked(x)
-                c.lines += scattered(t, c.name()[1:], pointers, values)
-
-            groups(len(place), place.start, pointers, scatter)
-        good = c.binary("and", t.bool, good, c.value(f"fcmp oeq {F} {c.get(F, finite)}, {t.constant(0.0)}"))
-        passed = good if L == 1 else c.value(f"icmp eq i{L} {c.value(f'bitcast {t.bool} {good} to i{L}')}, -1")
-        c.set("i64", bad, c.value(f"select i1 {passed}, i64 -1, i64 {c.get('i64', row)}"))
-        c.set("i64", row, c.binary("add", "i64", c.get("i64", row), str(L)))
-    c.add(f"call void @free(ptr {memory})")
-    c.leave("i64", c.get("i64", bad))
-    arguments = [f"ptr noalias readonly %in{k}, i64 %stride{k}" for k in range(len(program.inputs))]
-    arguments += [f"ptr noalias %out{k}" for k in range(len(program.outputs))]
-    yield from c.function(f"define i64 @run({', '.join(arguments)}, i64 %count) nounwind")

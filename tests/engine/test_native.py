@@ -8,7 +8,7 @@ import pytest
 from tools import EPS, case, condition, error
 
 import robodyn as rd
-from robodyn.engine import compile as compiler, emit
+from robodyn.engine import blocks, compile as compiler, emit
 from robodyn.engine.kernel import Kernel, load
 from robodyn.evaluate import Evaluator
 from robodyn.questions import ForwardDynamics
@@ -161,7 +161,7 @@ def test_modules_are_what_llvm_accepts_for_every_width():
     c = case(8, n=3)
     program = Evaluator(c.robot, np.zeros(3), ()).kernel(ForwardDynamics("auto")).program
     for lanes in (1, 2, 4, 8):
-        load(emit.module(program, lanes))
+        load(blocks.module(program, lanes))
     assert compiler.lanes() in (2, 4, 8)
 
 

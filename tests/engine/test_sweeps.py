@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from robodyn.arithmetic import cos, sin
-from robodyn.engine import emit, kernel as kernels
+from robodyn.engine import blocks, kernel as kernels
 from robodyn.engine.kernel import Kernel
 from robodyn.engine.sweeps import MANY, Fill, Forest, Loop, Recorder, Records, Straight, objects
 
@@ -542,9 +542,9 @@ def test_code_does_not_grow_with_the_forest():
     def text(n):
         program, _ = irrational(n)
         assert program.length > n
-        return emit.module(program, 8).splitlines()
+        return blocks.module(program, 8).splitlines()
 
-    small, large = text(200), text(2000)
+    small, large = text(1000), text(3000)
     assert len(small) == len(large)
     assert sum(a != b for a, b in zip(small, large, strict=True)) < 0.2 * len(small)  # sizes and where things start
 
