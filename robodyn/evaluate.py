@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
 from importlib.util import find_spec
+from types import MethodType
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from numpy.typing import DTypeLike
 
 from . import inputs
 from .arithmetic import Array, precision
+from .engine import fastcall
 from .engine.graph import Graph
 from .engine.kernel import DOUBLE, Kernel
 from .engine.program import Program, program
@@ -27,9 +29,7 @@ from .model import Mechanism
 from .questions import Answer, Evolution, ForwardDynamics, InverseDynamics, JointReactions, MassMatrix, Question
 from .trust import refuse_impossible, refuse_infinite, refuse_massless, refuse_undetermined, smallest_pivots
 
-UNROLLED = (
-    50  # moving bodies and freedoms up to which a kernel is straight-line code: beyond, that takes seconds to compile and gains little
-)
+UNROLLED = 50  # moving bodies and freedoms up to which a kernel is straight-line code: beyond, that takes seconds to compile
 WRITTEN_OUT = 100  # up to which what has no loops (mimic joints, "nonrecursive") is compiled all the same; beyond, NumPy answers
 BACKENDS = ("native", "numpy", "mpmath")
 DEFAULT = "native" if find_spec("llvmlite") else "numpy"
@@ -161,6 +161,20 @@ class Evaluator:
         batch, shapes = next(iter(checked.values())).shape[:-1], question.shapes(self.robot)
         refuse_infinite(values, shapes)
         return {name: np.array(np.broadcast_to(x, batch + shapes[name])) for name, x in values.items()}
+
+    def hasten(self, owner: object, name: str, question: Question, arrays: tuple[str, ...], optional: int) -> None:
+        """From now on, answer an object's plain calls of a method by a built-in function: its attribute stands before the class's.
+
+        arrays: the method's first arguments, of which the last `optional` may be left out; any other call goes to the method as before.
+        """
+        if name in owner.__dict__ or DEFAULT != "native" or not fastcall.supported() or not self.compiles("auto"):
+            return
+        try:
+            kernel = self.kernel(question)
+        except ZeroDivisionError:  # a pivot is zero whatever the state: the method itself says which
+            return
+        function, kept = fastcall.bind(kernel, arrays, MethodType(getattr(type(owner), name), owner), optional=optional)
+        owner.__dict__.update({name: function, f"_kept_for_{name}": kept})
 
     # --- kernels ---
 

@@ -4,14 +4,9 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
-from types import MethodType
 from typing import Self
 
-import numpy as np
-
 from .arithmetic import Array
-from .engine import fastcall
-from .evaluate import DEFAULT
 from .formalism.reactions import Reactions
 from .model import Mechanism
 from .questions import ForwardDynamics, InverseDynamics, Question
@@ -49,16 +44,9 @@ class Robot(Mechanism):
         """The robot with a mechanism's data."""
         return cls(**{f.name: getattr(mechanism, f.name) for f in fields(mechanism)})
 
-    def _hasten(self, name: str, question: Question, arrays: tuple[str, ...], optional: int = 0) -> None:
-        """From now on, answer plain calls of a method by a built-in function: the instance's attribute stands before the class's."""
-        evaluator = self._on_earth.evaluator
-        if name not in self.__dict__ and DEFAULT == "native" and fastcall.supported() and evaluator.compiles("auto"):
-            try:
-                kernel = evaluator.kernel(question)
-            except ZeroDivisionError:  # a pivot is zero whatever the state: the method itself says which
-                return
-            function, kept = fastcall.bind(kernel, arrays, MethodType(getattr(type(self), name), self), optional=optional)
-            self.__dict__.update({name: function, f"_kept_for_{name}": kept})
+    def _hasten(self, name: str, question: Question, arrays: tuple[str, ...], gravity: object, options: Iterable[str], optional: int = 0):
+        if gravity is EARTH and all(option in ("threads", "out") for option in options):
+            self._on_earth.evaluator.hasten(self, name, question, arrays, optional)
 
     def __getstate__(self) -> dict[str, object]:
         return {f.name: getattr(self, f.name) for f in fields(self)}
@@ -75,14 +63,12 @@ class Robot(Mechanism):
 
     def forward_dynamics(self, q, v, tau=None, *, gravity: Array | Sequence[float] = EARTH, **options) -> Array:
         """η̇ (..., nv) under the joint forces tau (..., nv) [N m, N]; see `Scene.forward_dynamics`."""
-        if not options and gravity is EARTH and np.ndim(q) == 1:
-            self._hasten("forward_dynamics", ForwardDynamics("auto"), ("q", "v", "tau"), optional=1)
+        self._hasten("forward_dynamics", ForwardDynamics("auto"), ("q", "v", "tau"), gravity, options, optional=1)
         return self._bare(gravity).forward_dynamics(q, v, tau, **options)
 
     def inverse_dynamics(self, q, v, a, *, gravity: Array | Sequence[float] = EARTH, **options) -> Array:
         """tau (..., nv) [N m, N] for the acceleration a (..., nv); see `Scene.inverse_dynamics`."""
-        if not options and gravity is EARTH and np.ndim(q) == 1:
-            self._hasten("inverse_dynamics", InverseDynamics(), ("q", "v", "a"))
+        self._hasten("inverse_dynamics", InverseDynamics(), ("q", "v", "a"), gravity, options)
         return self._bare(gravity).inverse_dynamics(q, v, a, **options)
 
     def bias_forces(self, q, v, *, gravity: Array | Sequence[float] = EARTH, **options) -> Array:

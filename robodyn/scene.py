@@ -98,6 +98,10 @@ class Scene:
         arrays = inputs.checked(self.robot, {"tau": tau, "v": answered})
         return arrays["tau"] + arrays["v"]
 
+    def _plain(self, t: float, backend: str, dtype: object) -> bool:
+        """Whether a call asks for nothing but what a built-in function answers."""
+        return t == 0.0 and backend == DEFAULT and dtype is np.float64 and not self.sampled
+
     def equations(self, backend: str = "numpy", *, opened: bool = False) -> Equations:
         """The scene's equations in one arithmetic: links on fixed joints lumped, or `opened` at every joint to show its reaction."""
         views = self.evaluator.views(backend)
@@ -130,6 +134,8 @@ class Scene:
         the one with the fewest operations. The saddle-point routes are oracles and always run on NumPy.
         """
         question, t = questions.ForwardDynamics(inputs.choice("formalism", formalism, FORMALISMS)), inputs.number("t", t)
+        if formalism == "auto" and self._plain(t, backend, dtype):
+            self.evaluator.hasten(self, "forward_dynamics", question, ("q", "v", "tau"), optional=1)
         tau = self._supplied(t, q, v, tau, backend)
         return self.evaluator.ask(question, backend, t=t, threads=threads, dtype=dtype, out=out, q=q, v=v, tau=tau)["vdot"]
 
@@ -149,6 +155,8 @@ class Scene:
     ) -> Array:
         """tau (..., nv) [N m, N] that the joints must supply, beside the loads, for the acceleration a (..., nv)."""
         question, t = questions.InverseDynamics(), inputs.number("t", t)
+        if self._plain(t, backend, dtype):
+            self.evaluator.hasten(self, "inverse_dynamics", question, ("q", "v", "a"), optional=0)
         tau = self.evaluator.ask(question, backend, t=t, threads=threads, dtype=dtype, out=out, q=q, v=v, a=a)["tau"]
         if (answered := self._answered(t, q, v, backend)) is not None:
             tau[...] = tau - answered

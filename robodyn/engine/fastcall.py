@@ -6,27 +6,33 @@ layouts and sizes, a result that is not trusted) goes to a Python function inste
 """
 
 import ctypes
+import sys
 import sysconfig
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import cache
 from typing import Any
 
 import numpy as np
 
-from . import blocks, emit
 from .compile import Loaded, lanes
-from .kernel import Kernel, load
+from .kernel import WORK, Kernel, load
 from .program import Program
 from .sweeps import Looped
 
 # Offsets in PyObject and PyArrayObject_fields (numpy/ndarraytypes.h), 64 bit.
 TYPE, DATA, ND, DIMS, DESCR, FLAGS = 8, 16, 24, 32, 56, 64
-PLAIN = 0x0001 | 0x0100  # C-contiguous, aligned
+PLAIN, WRITEABLE = 0x0001 | 0x0100, 0x0400  # C-contiguous, aligned
+SIZE, ITEMS = 16, 24  # in PyTupleObject
 DOUBLE = 12  # NPY_DOUBLE
 SMALL = 50_000  # instructions times states up to which a batch is computed without letting other threads run
 
 # What the code needs of this process, in the order of its table.
-TABLE = ("ndarray", "float64", "array_new", "vectorcall", "decref", "vector_run")
+TABLE = (
+    *("ndarray", "float64", "none", "one", "out", "threads"),  # objects, by their address
+    *("array_new", "vectorcall", "incref", "decref", "save_thread", "restore_thread"),
+    *("scalar_run", "vector_run"),  # null until there is such code
+)
 
 METH_FASTCALL, METH_KEYWORDS = 0x80, 0x2
 
@@ -52,29 +58,34 @@ def supported() -> bool:
 
 
 def bind(kernel: Kernel, arrays: Sequence[str], fallback: Callable[..., Any], *, optional: int = 0) -> tuple[Any, object]:
-    """A built-in function of positional arrays that computes the kernel's one output; `fallback` takes every other call.
+    """A built-in function (*arrays, threads=None, out=None) that computes the kernel's one output; `fallback` takes every other call.
 
     arrays: the inputs that are arguments, in order; the last `optional` of them may be left out, and are then zero like all other inputs.
     Also returns what must live as long as the function: CPython keeps pointers into it.
     """
-    loaded = load(module(kernel.program, tuple(arrays), optional), emit.tables(**{blocks.NAME: kernel.program}))
+    loaded = load(module(kernel.program, tuple(arrays), optional))
     table = (ctypes.c_void_p * len(TABLE)).from_address(loaded.address("table"))
     values = {
         "ndarray": id(np.ndarray),
         "float64": id(np.dtype(float)),
+        "none": id(None),
+        "one": id(1),
+        "out": id(sys.intern("out")),
+        "threads": id(sys.intern("threads")),
         "array_new": _numpy_api(93),
         "vectorcall": _address("PyObject_Vectorcall"),
+        "incref": _address("Py_IncRef"),
         "decref": _address("Py_DecRef"),
-        "vector_run": 0,
+        "save_thread": _address("PyEval_SaveThread"),
+        "restore_thread": _address("PyEval_RestoreThread"),
     }
-    for i, name in enumerate(TABLE):
-        table[i] = values[name]
+    for name, value in values.items():
+        table[TABLE.index(name)] = value
 
-    def vector_code_is_there(function: Any) -> None:
-        table[TABLE.index("vector_run")] = ctypes.cast(function, ctypes.c_void_p).value
+    def code_is_there(width: int, function: Any) -> None:
+        table[TABLE.index("vector_run" if width > 1 else "scalar_run")] = ctypes.cast(function, ctypes.c_void_p).value
 
-    kernel.adopt(loaded)
-    kernel.on_vector_code(vector_code_is_there)
+    kernel.on_code(code_is_there)
     return _builtin(fallback, loaded)
 
 
@@ -101,101 +112,130 @@ def _numpy_api(index: int) -> int:
 
 
 def module(program: Program | Looped, arrays: tuple[str, ...], optional: int) -> str:
-    """IR text: the scalar kernel `run`, the table, and `ptr @call(ptr self, ptr arguments, i64 count, ptr keywords)`."""
+    """IR text of the table, and of `ptr @call(ptr self, ptr arguments, i64 count, ptr keywords)`."""
     (values,) = program.outputs.values()
+    length, width = max(1, program.length), len(values)
     sizes = [program.inputs[name] for name in arrays]
-    lines = [blocks.module(program, 1)]
-    lines.append(f"@table = global [{len(TABLE)} x ptr] zeroinitializer")
-    lines.append(f"@zeros = internal constant [{max(program.inputs.values(), default=1)} x double] zeroinitializer")
+    lines = [f"@table = global [{len(TABLE)} x ptr] zeroinitializer"]
+    lines.append(f"@zeros = internal global [{max(program.inputs.values(), default=1)} x double] zeroinitializer")
     lines.append("define ptr @call(ptr %self, ptr %arguments, i64 %count, ptr %keywords) {")
     code = _Checks(lines)
-    code.require("icmp eq ptr %keywords, null")
-    most, least = len(arrays), len(arrays) - optional
-    code.require(f"icmp sle i64 %count, {most}")
-    code.require(f"icmp sge i64 %count, {least}")
+    code.add("%shape = alloca [2 x i64]")
     for name in TABLE:
         lines.append(f"  %{name}.at = getelementptr ptr, ptr @table, i64 {TABLE.index(name)}")
         lines.append(f"  %{name} = load ptr, ptr %{name}.at")
+    most, least = len(arrays), len(arrays) - optional
+    code.require(f"icmp sle i64 %count, {most}")
+    code.require(f"icmp sge i64 %count, {least}")
+    out, threads = _keywords(code)
 
     # Each argument: a plain float64 array of one dimension, or of two and with as many rows as the first.
+    places, strides, first = [], [], ("", "")
     for k, size in enumerate(sizes):
-        given = "true" if k < least else code.value(f"icmp sgt i64 %count, {k}")
-        lines.append(f"  br i1 {given}, label %given{k}, label %missing{k}")
-        lines.append(f"given{k}:")
-        array = code.value(f"load ptr, ptr {code.value(f'getelementptr ptr, ptr %arguments, i64 {k}')}")
-        code.require(f"icmp eq ptr {code.field(array, TYPE, 'ptr')}, %ndarray")
-        code.require(f"icmp eq ptr {code.field(array, DESCR, 'ptr')}, %float64")
-        flags = code.value(f"and i32 {code.field(array, FLAGS, 'i32')}, {PLAIN}")
-        code.require(f"icmp eq i32 {flags}, {PLAIN}")
-        nd, dims = code.field(array, ND, "i32"), code.field(array, DIMS, "ptr")
-        code.require(f"icmp uge i32 {nd}, 1")
-        code.require(f"icmp ule i32 {nd}, 2")
-        last = code.value(f"sub i32 {nd}, 1")
-        width = code.value(f"load i64, ptr {code.value(f'getelementptr i64, ptr {dims}, i32 {last}')}")
-        code.require(f"icmp eq i64 {width}, {size}")
-        flat = code.value(f"icmp eq i32 {nd}, 1")
-        rows = code.value(f"select i1 {flat}, i64 1, i64 {code.value(f'load i64, ptr {dims}')}")
-        if k == 0:
-            first_nd, first_rows = nd, rows
-        else:
-            code.require(f"icmp eq i32 {nd}, {first_nd}")
-            code.require(f"icmp eq i64 {rows}, {first_rows}")
-        data = code.field(array, DATA, "ptr")
-        lines.append(f"  br label %known{k}")
-        lines.append(f"missing{k}:")
-        lines.append(f"  br label %known{k}")
-        lines.append(f"known{k}:")
-        lines.append(f"  %data{k} = phi ptr [{data}, %{code.block}], [@zeros, %missing{k}]")
-        lines.append(f"  %stride{k} = phi i64 [{size}, %{code.block}], [0, %missing{k}]")
-        code.block = f"known{k}"
-    code.require(f"icmp sgt i64 {first_rows}, 0")
-    code.require(f"icmp sle i64 {first_rows}, {max(1, SMALL // max(1, program.length))}")
+        if k < least:
+            place, first = _argument(code, k, size, first)
+            places.append(place)
+            strides.append(str(size))
+            continue
+        with code.branch(code.value(f"icmp sgt i64 %count, {k}")) as merged:
+            place, _ = _argument(code, k, size, first)
+        places.append(merged("ptr", place, "@zeros"))
+        strides.append(merged("i64", str(size), "0"))
+    nd, rows = first
+    code.require(f"icmp sgt i64 {rows}, 0")
 
+    # Work for several threads is the fallback's, unless it may have one only.
+    alone = code.value(f"icmp slt i64 {rows}, {(2 * WORK - 1) // length + 1}")
+    code.require_value(code.value(f"or i1 {alone}, {code.value(f'icmp eq ptr {threads}, %one')}"))
     # Few states: scalar code. More: vector code, once it is there.
-    alone = code.value(f"icmp slt i64 {first_rows}, {lanes()}")
-    there = code.value("icmp ne ptr %vector_run, null")
-    code.require_value(code.value(f"or i1 {alone}, {there}"))
-    run = code.value(f"select i1 {alone}, ptr @run, ptr %vector_run")
-    lines.append("  %shape = alloca [2 x i64]")
-    lines.append(f"  %two = icmp eq i32 {first_nd}, 2")
-    lines.append(f"  %shape0 = select i1 %two, i64 {first_rows}, i64 {len(values)}")
-    lines.append("  store i64 %shape0, ptr %shape")
-    lines.append("  %shape1.at = getelementptr i64, ptr %shape, i64 1")
-    lines.append(f"  store i64 {len(values)}, ptr %shape1.at")
-    new = f"ptr %ndarray, i32 {first_nd}, ptr %shape, i32 {DOUBLE}, ptr null, ptr null, i32 0, i32 0, ptr null"
-    lines.append(f"  %out = call ptr %array_new({new})")
-    lines.append("  %failed = icmp eq ptr %out, null")
-    lines.append("  br i1 %failed, label %error, label %compute")
-    lines.append("compute:")
-    code.block = "compute"
-    result = code.field("%out", DATA, "ptr")
-    pairs = {name: f"ptr %data{k}, i64 %stride{k}" for k, name in enumerate(arrays)}
-    passed = [pairs.get(name, "ptr @zeros, i64 0") for name in program.inputs]
-    lines.append(f"  %bad = call i64 {run}({', '.join(passed)}, ptr {result}, i64 {first_rows})")
-    lines.append("  %good = icmp slt i64 %bad, 0")
-    lines.append("  br i1 %good, label %done, label %discard")
-    lines.append("done:")
-    lines.append("  ret ptr %out")
+    few = code.value(f"icmp slt i64 {rows}, {lanes()}")
+    run = code.value(f"select i1 {few}, ptr %scalar_run, ptr %vector_run")
+    code.require(f"icmp ne ptr {run}, null")
+
+    # The result: a given array apart from the arguments, or a new one.
+    with code.branch(code.value(f"icmp ne ptr {out}, null")):
+        code.plain(out, PLAIN | WRITEABLE)
+        code.extent(out, width, first)
+        start = code.field(out, DATA, "ptr")
+        end = code.after(start, code.value(f"mul i64 {rows}, {width}"))
+        for place, stride in zip(places, strides, strict=True):
+            stop = code.after(place, code.value(f"mul i64 {rows}, {stride}"))
+            before, behind = code.value(f"icmp ule ptr {end}, {place}"), code.value(f"icmp ule ptr {stop}, {start}")
+            code.require_value(code.value(f"or i1 {before}, {behind}"))
+        code.add(f"call void %incref(ptr {out})")
+    flat = code.value(f"icmp eq i32 {nd}, 1")
+    code.add(f"store i64 {code.value(f'select i1 {flat}, i64 {width}, i64 {rows}')}, ptr %shape")
+    code.add(f"store i64 {width}, ptr {code.value('getelementptr i64, ptr %shape, i64 1')}")
+    with code.branch(code.value(f"icmp eq ptr {out}, null")) as merged:
+        arguments = f"ptr %ndarray, i32 {nd}, ptr %shape, i32 {DOUBLE}, ptr null, ptr null, i32 0, i32 0, ptr null"
+        new = code.value(f"call ptr %array_new({arguments})")
+        code.require(f"icmp ne ptr {new}, null", otherwise="error")
+    result = merged("ptr", new, out)
+
+    # Long work lets other Python threads run.
+    pairs = {name: f"ptr {places[k]}, i64 {strides[k]}" for k, name in enumerate(arrays)}
+    passed = ", ".join(pairs.get(name, "ptr @zeros, i64 0") for name in program.inputs)
+    arguments = f"{passed}, ptr {code.field(result, DATA, 'ptr')}, i64 {rows}"
+    with code.branch(code.value(f"icmp sgt i64 {rows}, {SMALL // length}")) as merged:
+        state = code.value("call ptr %save_thread()")
+    state = merged("ptr", state, "null")
+    bad = code.value(f"call i64 {run}({arguments})")
+    with code.branch(code.value(f"icmp ne ptr {state}, null")):
+        code.add(f"call void %restore_thread(ptr {state})")
+    code.require(f"icmp slt i64 {bad}, 0", otherwise="discard")
+    code.add(f"ret ptr {result}")
     lines.append("error:")
     lines.append("  ret ptr null")
     lines.append("discard:")
-    lines.append("  call void %decref(ptr %out)")
+    lines.append(f"  call void %decref(ptr {result})")
     lines.append("  br label %elsewhere")
     lines.append("elsewhere:")
-    lines.append(f"  %vc.at = getelementptr ptr, ptr @table, i64 {TABLE.index('vectorcall')}")
-    lines.append("  %vc = load ptr, ptr %vc.at")
-    lines.append("  %answer = call ptr %vc(ptr %self, ptr %arguments, i64 %count, ptr %keywords)")
+    lines.append("  %answer = call ptr %vectorcall(ptr %self, ptr %arguments, i64 %count, ptr %keywords)")
     lines.append("  ret ptr %answer")
     lines.append("}")
     return "\n".join(lines) + "\n"
+
+
+def _argument(code: "_Checks", k: int, size: int, first: tuple[str, str]) -> tuple[str, tuple[str, str]]:
+    """Where the numbers of argument k are, and its numbers of dimensions and rows."""
+    array = code.value(f"load ptr, ptr {code.value(f'getelementptr ptr, ptr %arguments, i64 {k}')}")
+    code.plain(array, PLAIN)
+    extent = code.extent(array, size, first)
+    return code.field(array, DATA, "ptr"), extent
+
+
+def _keywords(code: "_Checks") -> tuple[str, str]:
+    """out and threads, null where they are not given; nothing else may be."""
+    found = {"out": "null", "threads": "null"}
+    with code.branch(code.value("icmp ne ptr %keywords, null")) as merged:
+        names = code.field("%keywords", SIZE, "i64")
+        code.require(f"icmp sle i64 {names}, {len(found)}")
+        for k in range(len(found)):
+            with code.branch(code.value(f"icmp sgt i64 {names}, {k}")) as further:
+                name = code.field("%keywords", ITEMS + 8 * k, "ptr")
+                at = code.value(f"getelementptr ptr, ptr %arguments, i64 {code.value(f'add i64 %count, {k}')}")
+                value = code.value(f"load ptr, ptr {at}")
+                matches = {key: code.value(f"icmp eq ptr {name}, %{key}") for key in found}
+                code.require_value(code.value(f"or i1 {matches['out']}, {matches['threads']}"))
+                chosen = {key: code.value(f"select i1 {matches[key]}, ptr {value}, ptr {found[key]}") for key in found}
+            found = {key: further("ptr", chosen[key], found[key]) for key in found}
+        # None is as good as nothing.
+        found = {key: code.value(f"select i1 {code.value(f'icmp eq ptr {x}, %none')}, ptr null, ptr {x}") for key, x in found.items()}
+    out, threads = (merged("ptr", found[key], "null") for key in ("out", "threads"))
+    nothing, one = code.value(f"icmp eq ptr {threads}, null"), code.value(f"icmp eq ptr {threads}, %one")
+    code.require_value(code.value(f"or i1 {nothing}, {one}"))
+    return out, threads
 
 
 class _Checks:
     """Conditions in a row; where one fails, the Python function takes over."""
 
     def __init__(self, lines: list[str]) -> None:
-        self.lines, self._count, self.block = lines, 0, "entry"
+        self.lines, self._count, self._block = lines, 0, "entry"
         lines.append("entry:")
+
+    def add(self, text: str) -> None:
+        self.lines.append("  " + text)
 
     def value(self, text: str) -> str:
         self._count += 1
@@ -205,10 +245,52 @@ class _Checks:
     def field(self, pointer: str, offset: int, kind: str) -> str:
         return self.value(f"load {kind}, ptr {self.value(f'getelementptr i8, ptr {pointer}, i64 {offset}')}")
 
-    def require(self, condition: str) -> None:
-        self.require_value(self.value(condition))
+    def after(self, pointer: str, count: str) -> str:
+        """The address behind so many doubles."""
+        return self.value(f"getelementptr double, ptr {pointer}, i64 {count}")
 
-    def require_value(self, condition: str) -> None:
+    def require(self, condition: str, otherwise: str = "elsewhere") -> None:
+        self.require_value(self.value(condition), otherwise)
+
+    def require_value(self, condition: str, otherwise: str = "elsewhere") -> None:
+        block = self._fresh()
+        self.lines += [f"  br i1 {condition}, label %{block}, label %{otherwise}", f"{block}:"]
+        self._block = block
+
+    def plain(self, array: str, flags: int) -> None:
+        """It is an array of float64 with these flags, and of one or two dimensions."""
+        self.require(f"icmp eq ptr {self.field(array, TYPE, 'ptr')}, %ndarray")
+        self.require(f"icmp eq ptr {self.field(array, DESCR, 'ptr')}, %float64")
+        found = self.value(f"and i32 {self.field(array, FLAGS, 'i32')}, {flags}")
+        self.require(f"icmp eq i32 {found}, {flags}")
+        nd = self.field(array, ND, "i32")
+        self.require(f"icmp uge i32 {nd}, 1")
+        self.require(f"icmp ule i32 {nd}, 2")
+
+    def extent(self, array: str, width: int, first: tuple[str, str]) -> tuple[str, str]:
+        """Its numbers of dimensions and of rows, which are those of the first array, if there is one; its rows are of this width."""
+        nd, dims = self.field(array, ND, "i32"), self.field(array, DIMS, "ptr")
+        last = self.value(f"sub i32 {nd}, 1")
+        columns = self.value(f"load i64, ptr {self.value(f'getelementptr i64, ptr {dims}, i32 {last}')}")
+        self.require(f"icmp eq i64 {columns}, {width}")
+        flat = self.value(f"icmp eq i32 {nd}, 1")
+        rows = self.value(f"select i1 {flat}, i64 1, i64 {self.value(f'load i64, ptr {dims}')}")
+        if all(first):
+            self.require(f"icmp eq i32 {nd}, {first[0]}")
+            self.require(f"icmp eq i64 {rows}, {first[1]}")
+        return nd, rows
+
+    @contextmanager
+    def branch(self, condition: str) -> Iterator[Callable[[str, str, str], str]]:
+        """What follows, only where the condition holds; yields merged(type, value there, value elsewhere), for afterwards."""
+        before, inside, done = self._block, self._fresh(), self._fresh()
+        self.lines += [f"  br i1 {condition}, label %{inside}, label %{done}", f"{inside}:"]
+        self._block, ends = inside, []
+        yield lambda kind, there, elsewhere: self.value(f"phi {kind} [{there}, %{ends[0]}], [{elsewhere}, %{before}]")
+        ends.append(self._block)
+        self.lines += [f"  br label %{done}", f"{done}:"]
+        self._block = done
+
+    def _fresh(self) -> str:
         self._count += 1
-        self.block = f"ok{self._count}"
-        self.lines += [f"  br i1 {condition}, label %{self.block}, label %elsewhere", f"{self.block}:"]
+        return f"b{self._count}"

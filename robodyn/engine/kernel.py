@@ -31,7 +31,7 @@ class Kernel:
 
     def __init__(self, program: Program | Looped, dtype: np.dtype = DOUBLE) -> None:
         self.program, self.dtype = program, np.dtype(dtype)
-        self._listeners: list[Callable[[Any], None]] = []
+        self._listeners: list[Callable[[int, Any], None]] = []
         self._functions: dict[int, Any] = {}
         self._lock = threading.Lock()
 
@@ -69,24 +69,19 @@ class Kernel:
         parts = _pool(workers).map(part, range(0, size * workers, size), ends)
         return outputs, min((b for b in parts if b >= 0), default=-1)
 
-    def on_vector_code(self, listener: Callable[[Any], None]) -> None:
-        """Be told of the SIMD function: now, or as soon as it is there."""
+    def on_code(self, listener: Callable[[int, Any], None]) -> None:
+        """Be told of each machine function and its lanes: now, or as soon as it is there."""
         self._listeners.append(listener)
         for width, function in self._functions.items():
-            if width > 1:
-                listener(function)
-
-    def adopt(self, loaded: Loaded) -> None:
-        """Use the scalar `run` of a module that has it already."""
-        self._functions.setdefault(1, self._function(loaded))
+            listener(width, function)
 
     def _compiled(self, width: int) -> Any:
         with self._lock:
             if width not in self._functions:
                 code = blocks.module(self.program, width, SCALARS[self.dtype])
                 self._functions[width] = self._function(load(code, emit.tables(**{blocks.NAME: self.program})))
-                for listener in self._listeners if width > 1 else ():
-                    listener(self._functions[width])
+                for listener in self._listeners:
+                    listener(width, self._functions[width])
         return self._functions[width]
 
     def _function(self, loaded: Loaded) -> Any:
