@@ -1,0 +1,139 @@
+"""The built-in functions that answer plain calls: the same answers, errors and references as the methods they stand before."""
+
+import sys
+import threading
+import types
+from itertools import product
+
+import numpy as np
+import pytest
+from tools import case
+
+import robodyn as rd
+from robodyn.engine import compile as compiler, fastcall
+from robodyn.questions import ForwardDynamics
+
+pytestmark = pytest.mark.skipif(not fastcall.supported(), reason="this interpreter lays out objects in another way")
+
+
+def asked(seed=2):
+    """A scene, and what its method says when it is not answered by a built-in function."""
+    robot = case(seed).robot
+    names = [joint.name for joint in robot.joints if joint.type.nv == 1]
+    scene = rd.Scene(robot, loads=[rd.JointDamping(dict.fromkeys(names, 0.3))])
+    return scene, rd.Scene(robot, loads=scene.loads)
+
+
+def states(robot, n, seed=0):
+    rng = np.random.default_rng(seed)
+    q = np.stack([robot.random_state(rng)[0] for _ in range(n)])
+    return q, rng.normal(size=(n, robot.nv)), rng.normal(size=(n, robot.nv))
+
+
+def method(scene, name, *arguments, **options):
+    return getattr(type(scene), name)(scene, *arguments, **options)
+
+
+@pytest.mark.parametrize("name", ["forward_dynamics", "inverse_dynamics"])
+@pytest.mark.parametrize("owner", ["robot", "scene"])
+def test_all_kinds_of_calls_give_the_bits_of_the_method(owner, name):
+    scene, other = asked()
+    asking, reference = (scene, other) if owner == "scene" else (scene.robot, other.robot)
+    q, v, x = states(scene.robot, 300)
+    ask = lambda: getattr(asking, name)  # noqa: E731
+    ask()(q[0], v[0], x[0])
+    ask()(q, v, x)  # scalar code and code in lanes are there now
+    assert isinstance(ask(), types.BuiltinFunctionType)
+    for n, threads, given in product((None, 1, 7, 8, 9, 300), (None, 1), (False, True)):
+        state = [a[0] if n is None else a[:n] for a in (q, v, x)]
+        options = {"threads": threads} | ({"out": np.full_like(state[1], np.nan)} if given else {})
+        found = ask()(*state, **options)
+        assert found is options.get("out", found)
+        assert np.array_equal(found, method(reference, name, *state, backend="native"))
+    if name == "forward_dynamics":
+        assert np.array_equal(ask()(q, v), method(reference, name, q, v))
+        assert np.array_equal(ask()(q, v, out=None), method(reference, name, q, v))
+
+
+def test_other_calls_go_to_the_method():
+    scene, other = asked()
+    q, v, tau = states(scene.robot, 40)
+    scene.forward_dynamics(q, v, tau)
+    expected = method(other, "forward_dynamics", q, v, tau)
+    for arguments, options in [
+        ((q.tolist(), v, tau), {}),
+        ((q, v), {"tau": tau}),
+        ((np.asfortranarray(q), v, tau), {"threads": 2}),
+        ((q[None], v[None], tau), {}),
+        ((q, v, tau), {"out": np.empty((80, scene.robot.nv))[::2].copy()}),
+    ]:
+        assert np.array_equal(scene.forward_dynamics(*arguments, **options).reshape(expected.shape), expected)
+    assert scene.forward_dynamics(q, v, tau, dtype=np.float32).dtype == np.float32
+    assert scene.forward_dynamics(q[:0], v[:0], tau[:0]).shape == (0, scene.robot.nv)
+    readonly = np.empty_like(v)
+    readonly.flags.writeable = False
+    joined = np.empty(v.size + 3)
+    for out in (np.empty_like(v)[:-1], np.empty_like(v)[:, ::-1], readonly, v, joined[1 : 1 + v.size].astype(np.float32), 3):
+        with pytest.raises(rd.InputError, match="out"):
+            scene.forward_dynamics(q, v, tau, out=out)
+    shared = np.concatenate([v.ravel(), np.zeros(v.size)])
+    shifted = shared[scene.robot.nv : scene.robot.nv + v.size].reshape(v.shape)
+    with pytest.raises(rd.InputError, match="overlaps v"):
+        scene.forward_dynamics(q, shared[: v.size].reshape(v.shape), tau, out=shifted)
+    behind = shared[v.size :].reshape(v.shape)  # touches v and does not overlap it
+    assert np.array_equal(scene.forward_dynamics(q, shared[: v.size].reshape(v.shape), tau, out=behind), expected)
+    with pytest.raises(TypeError, match="nonsense"):
+        scene.forward_dynamics(q, v, tau, nonsense=1)
+    with pytest.raises(rd.InputError, match="threads=True"):
+        scene.forward_dynamics(q, v, tau, threads=True)
+
+
+def test_bad_numbers_are_named_and_no_reference_is_lost():
+    scene, _ = asked()
+    q, v, tau = states(scene.robot, 40)
+    out = scene.forward_dynamics(q, v, tau)
+    bad = v.copy()
+    bad[17, 0] = np.nan
+    counts = [sys.getrefcount(x) for x in (q, v, tau, out, bad)]
+    for _ in range(50):
+        assert scene.forward_dynamics(q, v, tau, threads=1, out=out) is out
+        with pytest.raises(rd.InputError, match=r"v\[17, 0\]"):
+            scene.forward_dynamics(q, bad, tau, out=out)
+    assert [sys.getrefcount(x) for x in (q, v, tau, out, bad)] == counts
+
+
+def test_sampled_scenes_are_asked_in_python():
+    robot = case(3).robot
+    scene = rd.Scene(robot, loads=[rd.Sampled(lambda t, q, v: -v, 0.01)])
+    q, v, _ = states(robot, 5)
+    for _ in range(2):
+        found = scene.forward_dynamics(q, v)
+    assert np.array_equal(found, rd.Scene(robot).forward_dynamics(q, v, -v))
+
+
+def test_long_work_lets_other_threads_run():
+    scene, _ = asked()
+    q, v, tau = (np.tile(x, (500, 1)) for x in states(scene.robot, 1000))
+    scene.forward_dynamics(q[:9], v[:9], tau[:9])
+    out, ticks, stop = np.empty_like(v), [0], threading.Event()
+
+    def tick():
+        while not stop.wait(1e-4):
+            ticks[0] += 1
+
+    other = threading.Thread(target=tick)
+    other.start()
+    before = ticks[0]
+    for _ in range(3):
+        scene.forward_dynamics(q, v, tau, threads=1, out=out)
+    during = ticks[0] - before
+    stop.set()
+    other.join()
+    assert during > 0  # each call takes longer than the interpreter's switch interval: held, none would come within it
+    assert np.array_equal(out[:1000], out[-1000:])
+
+
+@pytest.mark.parametrize("optional", [0, 1])
+def test_the_module_is_what_llvm_accepts(optional):
+    program = asked()[0].evaluator.kernel(ForwardDynamics("auto")).program
+    compiler.llvm().parse_assembly(fastcall.module(program, ("q", "v", "tau"), optional)).verify()
