@@ -7,6 +7,7 @@ Hairer, Nørsett, Wanner, Solving ODEs I: sections II.1, II.4 (error control), I
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial, reduce
 from typing import NamedTuple
 
 import numpy as np
@@ -21,7 +22,7 @@ from .sweeps import Looped
 DONE, PAUSED, STEP_TOO_SMALL, NOT_FINITE = range(4)  # what `advance` returns
 STATUSES = 4
 
-# The numbers that `advance` reads and writes, each a double.
+# The numbers that `advance` reads and writes, each a double. An adaptive method with h = 0 chooses its first step.
 HEADER = ("t", "h", "t0", "t_end", "count", "rtol", "atol", "next", "steps", "rejected", "evaluations", "started", "shrink")
 ON_STACK = 4000  # entries of the workspace up to which it is on the stack, from where LLVM lifts it into registers
 INLINED = 3000  # operations of the right-hand side, times its calls, up to which each call takes it in
@@ -170,6 +171,27 @@ class _Writer:
             total = self.code.binary("fmul", t.float, k, w) if total is None else self.code.fma(t, k, w, total)
         return total or t.constant(0.0)
 
+    def squares(self, values: list[Callable[[Entries], str]], *states: str) -> list[str]:
+        """Σ (value / scale)² of each of the values, scale = atol + rtol |x|, x the largest of the states; of one state, not of lanes."""
+        c = self.code
+        sums = [c.variable("double", _hex(0.0)) for _ in values]
+
+        def add(i: Entries) -> None:
+            t = i.type
+            sizes = [c.call(t.float, f"llvm.fabs.{t.name}", self.load(state, i)) for state in states]
+            size = reduce(partial(c.call, t.float, f"llvm.maxnum.{t.name}"), sizes)
+            scale = c.fma(t, size, c.splat(t, self.number("rtol")), c.splat(t, self.number("atol")))
+            for total, value in zip(sums, values, strict=True):
+                for part in c.lanes(t, c.binary("fdiv", t.float, value(i), scale)):
+                    c.set("double", total, c.fma(self.t, part, part, c.get("double", total)))
+
+        self.runs(add)
+        return [c.get("double", total) for total in sums]
+
+    def root_mean(self, square: str) -> str:
+        """The root of the mean over nx entries."""
+        return self.code.call("double", "llvm.sqrt.f64", self.code.binary("fmul", "double", square, _hex(1.0 / self.nx)))
+
     # --- the right-hand side ---
 
     def evaluate(self, time: str, state: str | Callable[[Entries], str], row: int, following: Array | None = None) -> None:
@@ -213,13 +235,13 @@ class _Writer:
         c.lines += self.project.calls(self.ps)
         self.copy(result, array)
 
-    def trusted(self) -> str:
-        """i1: the last derivative is finite, and every guard of its evaluation is positive, in all lanes."""
+    def trusted(self, row: int) -> str:
+        """i1: k_row, the last derivative taken, is finite, and every guard of its evaluation is positive, in all lanes."""
         c, t = self.code, self.t
         total = c.variable(t.float, t.constant(0.0))
 
         def add(i: Entries) -> None:
-            k = self.load("%k", i, self.s)
+            k = self.load("%k", i, row)
             c.set(t.float, total, c.fma(t, k, t.constant(0.0), c.get(t.float, total)))
 
         self.each(add)
@@ -270,9 +292,14 @@ class _Writer:
         with c.when(c.value(f"fcmp oeq double {self.number('started')}, {_hex(0.0)}")):
             self.evaluate(self.number("t"), "%x", self.s)
             self.put("started", _hex(1.0))
-            with c.when(c.value(f"icmp eq i1 {self.trusted()}, false")):
+            with c.when(c.value(f"icmp eq i1 {self.trusted(self.s)}, false")):
                 c.leave("i64", str(NOT_FINITE))
             self.each(lambda i: self.store(self.load("%k", i, self.s), "%k", i))
+            if m.errors:
+                unknown = c.value(f"fcmp oeq double {self.number('h')}, {_hex(0.0)}")
+                ahead = c.value(f"fcmp olt double {self.number('t')}, {self.number('t_end')}")
+                with c.when(c.binary("and", "i1", unknown, ahead)):
+                    self._first_step()
 
         left = c.variable("i64", "%budget")
         with c.repeat(lambda: c.value(f"fcmp olt double {self.number('t')}, {self.number('t_end')}")):
@@ -281,6 +308,35 @@ class _Writer:
             c.set("i64", left, c.binary("sub", "i64", c.get("i64", left), "1"))
             (self._controlled_step if m.errors else self._equal_step)()
         c.leave("i64", str(DONE))
+
+    def _first_step(self) -> None:
+        """h: what a crude Euler step from k_0 finds safe. Section II.4."""
+        c = self.code
+        t, span = self.number("t"), c.binary("fsub", "double", self.number("t_end"), self.number("t"))
+        tiny = _hex(1e-6)
+
+        # h0: Euler's step changes the state by a hundredth of its size.
+        d0, d1 = map(self.root_mean, self.squares([partial(self.load, "%x"), partial(self.load, "%k")], "%x"))
+        smaller = c.call("double", "llvm.minnum.f64", d0, d1)
+        ratio = c.binary("fdiv", "double", c.binary("fmul", "double", d0, _hex(0.01)), d1)
+        still = c.value(f"fcmp olt double {smaller}, {_hex(1e-5)}")
+        h0 = c.call("double", "llvm.minnum.f64", c.value(f"select i1 {still}, double {tiny}, double {ratio}"), span)
+
+        # h1: the step's error would be a hundredth of the tolerance, judged by what Euler's step did to the derivative.
+        first = np.ones(1)
+        self.each(lambda i: self.store(self.moved(first, h0)(i), self.xnew, i))
+        self.projected(self.xnew)
+        self.evaluate(c.binary("fadd", "double", t, h0), self.xnew, 1)
+        (square,) = self.squares([lambda i: c.binary("fsub", i.type.float, self.load("%k", i, 1), self.load("%k", i))], "%x")
+        largest = c.call("double", "llvm.maxnum.f64", d1, c.binary("fdiv", "double", self.root_mean(square), h0))
+        root = c.binary("fdiv", "double", _hex(0.01), largest)
+        root = c.value(f"call double @llvm.pow.f64(double {root}, double {_hex(1.0 / (self.m.order + 1))})")
+        flat = c.value(f"fcmp ole double {largest}, {_hex(1e-15)}")
+        longest = c.call("double", "llvm.maxnum.f64", tiny, c.binary("fmul", "double", h0, _hex(1e-3)))
+        h1 = c.value(f"select i1 {flat}, double {longest}, double {root}")
+        # Where there is no such derivative, h0: the attempt will shrink it, or name the cause.
+        h = c.call("double", "llvm.minnum.f64", h1, c.binary("fmul", "double", h0, _hex(100.0)))
+        self.put("h", c.value(f"select i1 {self.trusted(1)}, double {h}, double {h0}"))
 
     def _equal_step(self) -> None:
         """Step i of `count`, from t0 + i h to t0 + (i + 1) h; the last one ends at t_end."""
@@ -348,29 +404,14 @@ class _Writer:
 
     def _error(self, h: str) -> str:
         """The error of a step in units of the tolerance: the root mean square over the entries."""
-        c, m = self.code, self.m
-        sums = [c.variable("double", _hex(0.0)) for _ in m.errors]
-
-        def add(i: Entries) -> None:
-            t = i.type
-            sizes = [c.call(t.float, f"llvm.fabs.{t.name}", self.load(base, i)) for base in ("%x", self.xnew)]
-            size = c.call(t.float, f"llvm.maxnum.{t.name}", *sizes)
-            scale = c.fma(t, size, c.splat(t, self.number("rtol")), c.splat(t, self.number("atol")))
-            for total, weights in zip(sums, m.errors, strict=True):
-                errors = c.binary("fdiv", t.float, self.combination(weights, i), scale)
-                for e in c.lanes(t, errors):
-                    c.set("double", total, c.fma(self.t, e, e, c.get("double", total)))
-
-        self.runs(add)
-        values = [c.get("double", total) for total in sums]
-        mean = _hex(1.0 / self.nx)
-        if len(values) == 1:
-            rms = c.value(f"call double @llvm.sqrt.f64(double {c.binary('fmul', 'double', values[0], mean)})")
-            return c.binary("fmul", "double", rms, h)
+        c = self.code
+        squares = self.squares([partial(self.combination, weights) for weights in self.m.errors], "%x", self.xnew)
+        if len(squares) == 1:
+            return c.binary("fmul", "double", self.root_mean(squares[0]), h)
         # DOP853: err5² / sqrt(err5² + 0.01 err3²), section II.10.
-        e5, e3 = values
+        e5, e3 = squares
         both = c.value(f"call double @llvm.fma.f64(double {e3}, double {_hex(0.01)}, double {e5})")
-        root = c.value(f"call double @llvm.sqrt.f64(double {c.binary('fdiv', 'double', both, mean)})")
+        root = c.value(f"call double @llvm.sqrt.f64(double {c.binary('fdiv', 'double', both, _hex(1.0 / self.nx))})")
         ratio = c.binary("fdiv", "double", e5, root)
         zero = c.value(f"fcmp oeq double {both}, {_hex(0.0)}")
         return c.binary("fmul", "double", c.value(f"select i1 {zero}, double {_hex(0.0)}, double {ratio}"), h)
@@ -378,7 +419,7 @@ class _Writer:
     def _accept(self, t_old: str, t_new: str, h: str) -> None:
         """Outputs within the step, then the new state becomes the old."""
         c = self.code
-        with c.when(c.value(f"icmp eq i1 {self.trusted()}, false")):
+        with c.when(c.value(f"icmp eq i1 {self.trusted(self.s)}, false")):
             c.leave("i64", str(NOT_FINITE))
         prepared = c.variable("i1", "false")
 

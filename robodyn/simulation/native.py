@@ -30,13 +30,6 @@ class Advance:
     nheld: int
     lanes: int
     adaptive: bool
-    order: int
-
-    def derivative(self, t: float, x: Array, held: Array | None = None) -> Array | None:
-        """ẋ (nx,) of one state (nx,) under held forces (nheld,), in a code of one lane; None where it is not to be trusted."""
-        run = Run(self, x[:, None], t, np.zeros(0), {"dt": 1.0, "rtol": 1.0, "atol": 1.0})
-        run.head_for(t + 1.0, h=1.0, held=held)
-        return None if run.step(budget=0) == integrate.NOT_FINITE else run.k[: self.nx, 0].copy()
 
 
 def compiled(evaluator: Evaluator, method: str, formalism: str, lanes: int, *, held: bool = False) -> Advance:
@@ -53,7 +46,7 @@ def compiled(evaluator: Evaluator, method: str, formalism: str, lanes: int, *, h
         function.owner = each.owner = loaded  # the code lives as long as the functions
         room = integrate.room(tableau, rhs, project)
         nx, nheld = rhs.inputs["x"], rhs.inputs.get("held", 0)
-        evaluator.step_loops[key] = Advance(function, each, room, nx, nheld, lanes, integrator.adaptive, tableau.order)
+        evaluator.step_loops[key] = Advance(function, each, room, nx, nheld, lanes, integrator.adaptive)
     return evaluator.step_loops[key]
 
 
@@ -95,11 +88,12 @@ class Run:
     def _put(self, name: str, value: float) -> None:
         self._header[_PLACE[name]] = value
 
-    def head_for(self, t_end: float, *, h: float | None = None, held: Array | None = None) -> None:
-        """Go on from the time reached to t_end, under held forces (nheld,).
+    def starts(self) -> bool:
+        """Whether there is an ẋ to be trusted at the start, under no held forces; before the first `head_for`."""
+        return self.step(budget=0) != integrate.NOT_FINITE
 
-        h: the first step of an adaptive method. Where none is given it keeps the one it had; equal steps divide the way.
-        """
+    def head_for(self, t_end: float, *, held: Array | None = None) -> None:
+        """Go on from the time reached to t_end, under held forces (nheld,); an adaptive method with the step that it had."""
         if held is not None:
             self._held[:] = held[:, None]
         t = self._number("t")
@@ -111,9 +105,7 @@ class Run:
         if not self._advance.adaptive:
             n = step_count(t, t_end, self._dt)
             self._put("count", n)
-            h = (t_end - t) / n
-        if h is not None:
-            self._put("h", h)
+            self._put("h", (t_end - t) / n)
 
     def slice(self) -> int:
         """Some steps more, for about SLICE seconds; what `advance` returned."""
@@ -125,7 +117,7 @@ class Run:
         return status
 
     def step(self, budget: int = 1) -> int:
-        """One attempt at a step; none, only the derivative at the start, with a budget of 0."""
+        """One attempt at a step; with a budget of 0 none, only the derivative at the start."""
         return self._advance.function(*self._arguments, budget)
 
     @property
