@@ -293,15 +293,15 @@ class _Writer:
         # The first derivative, once.
         with c.when(c.value(f"fcmp oeq double {self.number('started')}, {_hex(0.0)}")):
             self.evaluate(self.number("t"), "%x", self.s)
-            self.put("started", _hex(1.0))
             with c.when(c.value(f"icmp eq i1 {self.trusted(self.s)}, false")):
                 c.leave("i64", str(NOT_FINITE))
             self.each(lambda i: self.store(self.load("%k", i, self.s), "%k", i))
-            if m.errors:
-                unknown = c.value(f"fcmp oeq double {self.number('h')}, {_hex(0.0)}")
-                ahead = c.value(f"fcmp olt double {self.number('t')}, {self.number('t_end')}")
-                with c.when(c.binary("and", "i1", unknown, ahead)):
-                    self._first_step()
+            self.put("started", _hex(1.0))
+        if m.errors:
+            unknown = c.value(f"fcmp oeq double {self.number('h')}, {_hex(0.0)}")
+            ahead = c.value(f"fcmp olt double {self.number('t')}, {self.number('t_end')}")
+            with c.when(c.binary("and", "i1", unknown, ahead)):
+                self._first_step()
 
         left = c.variable("i64", "%budget")
         with c.repeat(lambda: c.value(f"fcmp olt double {self.number('t')}, {self.number('t_end')}")):

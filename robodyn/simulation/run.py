@@ -4,6 +4,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -116,27 +117,25 @@ def simulate(
     return trajectory
 
 
+@dataclass(eq=False)
 class _Integration:
     """An integration under way: what was found, and how far it got."""
 
-    def __init__(
-        self,
-        scene: Scene,
-        t0: float,
-        t_end: float,
-        x0: Array,
-        wanted: Array | None,
-        method: str,
-        formalism: str,
-        settings: dict[str, float],
-    ) -> None:
-        self.scene, self.t0, self.t_end, self.x0, self.wanted = scene, t0, t_end, x0, wanted
-        self.method, self.formalism, self.settings = method, formalism, settings
-        self.sampling = Sampling(scene, t0, t_end)
-        self.times: Sequence[float] | Array = []
-        self.states: Sequence[Array] | Array = []
-        self.reached, self.x = t0, x0
-        self.counts = {"steps": 0, "rejected": 0, "evaluations": 0}
+    scene: Scene
+    t0: float
+    t_end: float
+    x0: Array
+    wanted: Array | None  # times of the results; None: every step
+    method: str
+    formalism: str
+    settings: dict[str, float]  # rtol, atol, dt
+    times: Sequence[float] | Array = field(default_factory=list)
+    states: Sequence[Array] | Array = field(default_factory=list)
+    counts: dict[str, int] = field(default_factory=lambda: {"steps": 0, "rejected": 0, "evaluations": 0})
+
+    def __post_init__(self) -> None:
+        self.sampling = Sampling(self.scene, self.t0, self.t_end)
+        self.reached, self.x = self.t0, self.x0
 
     @cached_property
     def native_run(self) -> native.Run:
@@ -159,9 +158,9 @@ class _Integration:
     def rhs(self, t: float, x: Array, backend: str) -> Array:
         """ẋ (nx,)."""
         self.counts["evaluations"] += 1
-        nq, nv = self.scene.robot.nq, self.scene.robot.nv
+        q, v = self.coordinates(x)
         try:
-            got = self.scene.evaluator.ask(Evolution(self.formalism), backend, t=t, q=x[:nq], v=x[nq : nq + nv], tau=self.sampling.held)
+            got = self.scene.evaluator.ask(Evolution(self.formalism), backend, t=t, q=q, v=v, tau=self.sampling.held)
         except ModelError:
             raise
         except Exception as error:
@@ -172,13 +171,22 @@ class _Integration:
 
     def spans(self) -> Iterator[tuple[float, float]]:
         """Start and end of each span of time that is integrated without a break."""
+        return self.sampling.spans(lambda: self.coordinates(self.x))
+
+    def coordinates(self, x: Array) -> tuple[Array, Array]:
+        """q (nq,) and v (nv,) of a state."""
         nq, nv = self.scene.robot.nq, self.scene.robot.nv
-        return self.sampling.spans(lambda: (self.x[:nq], self.x[nq : nq + nv]))
+        return x[:nq], x[nq : nq + nv]
 
     def project(self, x: Array) -> Array:
         """x with its Euler parameters at unit length."""
         nq = self.scene.robot.nq
         return np.concatenate([self.scene.equations().project(x[:nq]), x[nq:]])
+
+    def reach(self, t: float, report: Progress) -> None:
+        """The integration has come to t."""
+        self.reached = t
+        report((t - self.t0) / (self.t_end - self.t0))
 
     def run_in_python(self, backend: str, report: Progress) -> None:
         """Steps in Python, on a right-hand side of either backend."""
@@ -189,9 +197,8 @@ class _Integration:
         def f(t: float, x: Array) -> Array:
             dx = self.rhs(t, x, backend)
             if METHODS[self.method].semi_implicit:
-                nq, nv = self.scene.robot.nq, self.scene.robot.nv
-                v_new = x[nq : nq + nv] + h * dx[nq : nq + nv]
-                dx[:nq] = self.scene.equations().rate(x[:nq], v_new)
+                (q, v), (qdot, vdot) = self.coordinates(x), self.coordinates(dx)
+                qdot[:] = self.scene.equations().rate(q, v + h * vdot)
             return dx
 
         first_step = None
@@ -207,8 +214,8 @@ class _Integration:
                         self.keep(float(t), self.project(x))
                     if step.t in wanted:
                         self.keep(step.t, step.x)
-                self.reached, self.x, first_step = step.t, step.x, step.h
-                report((step.t - self.t0) / (self.t_end - self.t0))
+                self.x, first_step = step.x, step.h
+                self.reach(step.t, report)
 
     def run_natively(self, report: Progress) -> None:
         """Steps in native code, a slice of time between two looks at the keyboard."""
@@ -225,14 +232,13 @@ class _Integration:
                     status = run.step() if wanted is None else run.slice()
                     if wanted is None and run.t > before:
                         self.keep(run.t, run.x[:, 0].copy())
-                    self.reached = run.t
-                    report((run.t - self.t0) / (self.t_end - self.t0))
+                    self.reach(run.t, report)
                     if status == STEP_TOO_SMALL:
                         raise SimulationError(too_small(run.t))
                     if status == NOT_FINITE:
                         self._name_the_cause(run)
         finally:
-            self.counts = run.counts | {"evaluations": run.counts["evaluations"] + self.counts["evaluations"]}
+            self.counts = run.counts
             if wanted is not None:
                 self.times, self.states = wanted[: len(run.results)], run.results[:, :, 0]
 
