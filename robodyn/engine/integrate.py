@@ -161,9 +161,9 @@ class _Writer:
     def store(self, value: str, base: str, entries: Entries, row: int = 0) -> None:
         self.code.set(entries.type.float, self.address(base, entries, row), value)
 
-    def copy(self, source: str, target: str, *, row: int = 0) -> None:
-        """Row `row` of an array to the first of another."""
-        self.runs(lambda i: self.store(self.load(source, i, row), target, i))
+    def copy(self, source: str, target: str) -> None:
+        """One state from an array to another."""
+        self.runs(lambda i: self.store(self.load(source, i), target, i))
 
     def combination(self, weights: Array, entries: Entries, first: str | None = None) -> str:
         """The first + Σ w_j k_j, smallest index first."""
@@ -325,8 +325,7 @@ class _Writer:
         h0 = c.call("double", "llvm.minnum.f64", c.value(f"select i1 {still}, double {tiny}, double {ratio}"), span)
 
         # h1: the step's error would be a hundredth of the tolerance, judged by what Euler's step did to the derivative.
-        first = np.ones(1)
-        self.each(lambda i: self.store(self.moved(first, h0)(i), self.xnew, i))
+        self.each(lambda i: self.store(self.moved(np.ones(1), h0)(i), self.xnew, i))
         self.projected(self.xnew)
         self.evaluate(c.binary("fadd", "double", t, h0), self.xnew, 1)
         (square,) = self.squares([lambda i: c.binary("fsub", i.type.float, self.load("%k", i, 1), self.load("%k", i))], "%x")
@@ -334,8 +333,8 @@ class _Writer:
         root = c.binary("fdiv", "double", _hex(0.01), largest)
         root = c.value(f"call double @llvm.pow.f64(double {root}, double {_hex(1.0 / (self.m.order + 1))})")
         flat = c.value(f"fcmp ole double {largest}, {_hex(1e-15)}")
-        longest = c.call("double", "llvm.maxnum.f64", tiny, c.binary("fmul", "double", h0, _hex(1e-3)))
-        h1 = c.value(f"select i1 {flat}, double {longest}, double {root}")
+        guess = c.call("double", "llvm.maxnum.f64", tiny, c.binary("fmul", "double", h0, _hex(1e-3)))
+        h1 = c.value(f"select i1 {flat}, double {guess}, double {root}")
         # Where there is no such derivative, h0: the attempt will shrink it, or name the cause.
         h = c.call("double", "llvm.minnum.f64", h1, c.binary("fmul", "double", h0, _hex(100.0)))
         self.put("h", c.value(f"select i1 {self.trusted(1)}, double {h}, double {h0}"))
