@@ -72,6 +72,14 @@ class Code:
         one = self.value(f"insertelement {t.float} undef, double {x}, i32 0")
         return self.value(f"shufflevector {t.float} {one}, {t.float} undef, <{t.lanes} x i32> zeroinitializer")
 
+    def lanes(self, t: Type, x: str) -> Iterator[str]:
+        """The doubles of all lanes, the first lane's first."""
+        if t.lanes == 1:
+            yield x
+            return
+        for lane in range(t.lanes):
+            yield self.value(f"extractelement {t.float} {x}, i32 {lane}")
+
     # --- flow ---
 
     def label(self, name: str) -> None:

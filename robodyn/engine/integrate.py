@@ -7,26 +7,31 @@ Hairer, Nørsett, Wanner, Solving ODEs I: sections II.1, II.4 (error control), I
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial, reduce
+from typing import NamedTuple
 
 import numpy as np
 
 from ..arithmetic import Array
 from . import emit
 from .code import Code
-from .functions import Type
+from .functions import INTRINSICS, Type
 from .program import Program
 from .sweeps import Looped
 
 DONE, PAUSED, STEP_TOO_SMALL, NOT_FINITE = range(4)  # what `advance` returns
 STATUSES = 4
 
-# The numbers that `advance` reads and writes, each a double.
+# The numbers that `advance` reads and writes, each a double. An adaptive method with h = 0 chooses its first step.
 HEADER = ("t", "h", "t0", "t_end", "count", "rtol", "atol", "next", "steps", "rejected", "evaluations", "started", "shrink")
 ON_STACK = 4000  # entries of the workspace up to which it is on the stack, from where LLVM lifts it into registers
 INLINED = 3000  # operations of the right-hand side, times its calls, up to which each call takes it in
 UNROLLED = 48  # entries of a state vector up to which loops over it are written out
+WIDTHS = (8, 4, 2, 1)  # entries of one state that are taken side by side, the most first: whatever the CPU, for the same code
 
-SAFETY, SHRINK, GROW = 0.9, 0.2, 10.0  # of the step size control
+# Of the step size control. A safety of 0.9, as SciPy has it, rejects a fifth of the steps of a falling arm; 0.8 a tenth, for fewer
+# evaluations and smaller errors.
+SAFETY, SHRINK, GROW = 0.8, 0.2, 10.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,13 +76,20 @@ def stages(method: Method) -> int:
     return len(method.b) + 1 + (0 if method.extra_c is None else len(method.extra_c))
 
 
+class Entries(NamedTuple):
+    """Entries of a state vector, side by side as one value: the first one's index, and the type of that value."""
+
+    first: str
+    type: Type
+
+
 class _Writer:
     def __init__(self, method: Method, rhs: Program | Looped, project: Program | Looped | None, t: Type) -> None:
         self.m, self.t, self.nx, self.code = method, t, rhs.inputs["x"], Code()
         self.f = emit.part(rhs, t, "f", inline=stages(method) * rhs.length <= INLINED)
         self.project = emit.part(project, t, "project", inline=False) if project else None
         self.header = {name: f"%header.{name}" for name in HEADER}
-        self.workspace = self.f.size + self.nx + (self.project.size if self.project else 0)
+        self.workspace = self.f.size + 2 * self.nx + (self.project.size if self.project else 0)
         self.large = self.workspace > ON_STACK
 
     def text(self) -> str:
@@ -86,9 +98,10 @@ class _Writer:
         arrays = ", ".join(f"ptr noalias %{name}" for name in ("header", "x", "k", "held", "times"))
         head = f"define i64 @advance({arrays}, i64 %ntimes, ptr noalias %out, i64 %budget) nounwind {self.t.frame}"
         lines = [*emit.prologue(self.t, *programs), "declare double @llvm.pow.f64(double, double)"]
-        if self.t.lanes > 1:
-            lines += ["declare double @llvm.fma.f64(double, double, double)", "declare double @llvm.sqrt.f64(double)"]
-            lines += ["declare double @llvm.minnum.f64(double, double)", "declare double @llvm.maxnum.f64(double, double)"]
+        # Beside the intrinsics of the programs' own type: those of entries side by side, or of the time.
+        for t in (Type(width) for width in (WIDTHS[:-1] if self.t.lanes == 1 else (1,))):
+            names = [name for name in INTRINSICS if self.t.lanes == 1 or name != "fabs"]
+            lines += [f"declare {t.float} @llvm.{name}.{t.name}({', '.join([t.float] * INTRINSICS[name])})" for name in names]
         for part in (self.f, self.project):
             lines += part.functions() if part else ()
         return "\n".join([*lines, *self.code.function(head), *self._advance_each()]) + "\n"
@@ -114,41 +127,80 @@ class _Writer:
 
     # --- vectors of nx entries ---
 
-    def each(self, body: Callable[[str], None]) -> None:
-        """Code for every index of a state vector."""
-        c = self.code
-        if self.nx <= UNROLLED:
-            for i in range(self.nx):
-                body(str(i))
-            return
-        i = c.variable("i64", "0")
-        with c.repeat(lambda: c.value(f"icmp slt i64 {c.get('i64', i)}, {self.nx}")):
-            body(now := c.get("i64", i))
-            c.set("i64", i, c.binary("add", "i64", now, "1"))
+    def each(self, body: Callable[[Entries], None]) -> None:
+        """Code for every single entry."""
+        self._over(0, self.nx, 1, body)
 
-    def entry(self, base: str, index: str, row: int = 0) -> str:
-        """The address of an entry of row `row` of an array of state vectors."""
-        index = self.code.binary("add", "i64", index, str(row * self.nx)) if row else index
+    def runs(self, body: Callable[[Entries], None]) -> None:
+        """Code for all entries, those of one state as many side by side as there are."""
+        start = 0
+        for width in WIDTHS if self.t.lanes == 1 else (1,):
+            end = self.nx - (self.nx - start) % width
+            self._over(start, end, width, body)
+            start = end
+
+    def _over(self, start: int, end: int, width: int, body: Callable[[Entries], None]) -> None:
+        c, kind = self.code, self.t if width == 1 else Type(width)
+        if end - start <= UNROLLED:
+            for i in range(start, end, width):
+                body(Entries(str(i), kind))
+            return
+        i = c.variable("i64", str(start))
+        with c.repeat(lambda: c.value(f"icmp slt i64 {c.get('i64', i)}, {end}")):
+            body(Entries(now := c.get("i64", i), kind))
+            c.set("i64", i, c.binary("add", "i64", now, str(width)))
+
+    def address(self, base: str, entries: Entries, row: int = 0) -> str:
+        """Where entries of row `row` of an array of state vectors are."""
+        index = self.code.binary("add", "i64", entries.first, str(row * self.nx)) if row else entries.first
         return self.code.at(self.t.float, base, index)
 
-    def load(self, base: str, index: str, row: int = 0) -> str:
-        return self.code.get(self.t.float, self.entry(base, index, row))
+    def load(self, base: str, entries: Entries, row: int = 0) -> str:
+        return self.code.get(entries.type.float, self.address(base, entries, row))
 
-    def store(self, value: str, base: str, index: str, row: int = 0) -> None:
-        self.code.set(self.t.float, self.entry(base, index, row), value)
+    def store(self, value: str, base: str, entries: Entries, row: int = 0) -> None:
+        self.code.set(entries.type.float, self.address(base, entries, row), value)
 
-    def combination(self, weights: Array, index: str) -> str | None:
-        """Σ w_j k_j of one entry, smallest index first."""
-        total = None
+    def copy(self, source: str, target: str) -> None:
+        """One state from an array to another."""
+        self.runs(lambda i: self.store(self.load(source, i), target, i))
+
+    def combination(self, weights: Array, entries: Entries, first: str | None = None) -> str:
+        """The first + Σ w_j k_j, smallest index first."""
+        total, t = first, entries.type
         for j in np.flatnonzero(weights):
-            k, w = self.load("%k", index, int(j)), self.t.constant(float(weights[j]))
-            total = self.code.binary("fmul", self.t.float, k, w) if total is None else self.code.fma(self.t, k, w, total)
-        return total
+            k, w = self.load("%k", entries, int(j)), t.constant(float(weights[j]))
+            total = self.code.binary("fmul", t.float, k, w) if total is None else self.code.fma(t, k, w, total)
+        return total or t.constant(0.0)
+
+    def squares(self, values: list[Callable[[Entries], str]], *states: str) -> list[str]:
+        """Σ (value / scale)² of each of the values, scale = atol + rtol |x|, x the largest of the states; of one state, not of lanes."""
+        c = self.code
+        sums = [c.variable("double", _hex(0.0)) for _ in values]
+
+        def add(i: Entries) -> None:
+            t = i.type
+            sizes = [c.call(t.float, f"llvm.fabs.{t.name}", self.load(state, i)) for state in states]
+            size = reduce(partial(c.call, t.float, f"llvm.maxnum.{t.name}"), sizes)
+            scale = c.fma(t, size, c.splat(t, self.number("rtol")), c.splat(t, self.number("atol")))
+            for total, value in zip(sums, values, strict=True):
+                for part in c.lanes(t, c.binary("fdiv", t.float, value(i), scale)):
+                    c.set("double", total, c.fma(self.t, part, part, c.get("double", total)))
+
+        self.runs(add)
+        return [c.get("double", total) for total in sums]
+
+    def root_mean(self, square: str) -> str:
+        """The root of the mean over nx entries."""
+        return self.code.call("double", "llvm.sqrt.f64", self.code.binary("fmul", "double", square, _hex(1.0 / self.nx)))
 
     # --- the right-hand side ---
 
-    def evaluate(self, time: str, state: str | Callable[[str], str], row: int) -> None:
-        """k_row = f(time, state), the state an array or a function of the index."""
+    def evaluate(self, time: str, state: str | Callable[[Entries], str], row: int, following: Array | None = None) -> None:
+        """k_row = f(time, state), the state an array or a function of the entries.
+
+        following: weights of the state after it, for which `moved` then finds all but the share of k_row summed up.
+        """
         c, slots = self.code, self.f.slots
         if ("in", "t", 0) in slots:
             c.set(self.t.float, c.at(self.t.float, self.fs, slots["in", "t", 0]), c.splat(self.t, time))
@@ -156,10 +208,24 @@ class _Writer:
             c.set(self.t.float, c.at(self.t.float, self.fs, slots["in", "h", 0]), c.splat(self.t, self.number("h")))
         base = c.at(self.t.float, self.fs, slots["in", "x", 0])
         self.each(lambda i: self.store(self.load(state, i) if isinstance(state, str) else state(i), base, i))
+        if following is not None and following[:row].any():  # here the processor does it while it waits for f
+            self.runs(lambda i: self.store(self.combination(following[:row], i), self.known, i))
         c.lines += self.f.calls(self.fs)
+        # What f stored entry by entry has to be loaded so as well: more at a time would wait for the stores to reach the cache.
         result = c.at(self.t.float, self.fs, slots["out", "dx", 0])
         self.each(lambda i: self.store(self.load(result, i), "%k", i, row))
         self.count("evaluations")
+
+    def moved(self, weights: Array, h: str) -> Callable[[Entries], str]:
+        """x + h Σ w_j k_j up to the newest k_j, the sum of the others known from its evaluation's `following`."""
+
+        def at(i: Entries) -> str:
+            newest, t = np.zeros_like(weights), i.type
+            newest[-1] = weights[-1]
+            change = self.combination(newest, i, self.load(self.known, i) if weights[:-1].any() else None)
+            return self.code.fma(t, change, self.code.splat(t, h), self.load("%x", i))
+
+        return at
 
     def projected(self, array: str) -> None:
         """An array of one state, put back on its side conditions."""
@@ -167,17 +233,17 @@ class _Writer:
             return
         c, slots = self.code, self.project.slots
         base, result = (c.at(self.t.float, self.ps, slots[k]) for k in (("in", "x", 0), ("out", "x", 0)))
-        self.each(lambda i: self.store(self.load(array, i), base, i))
+        self.copy(array, base)
         c.lines += self.project.calls(self.ps)
-        self.each(lambda i: self.store(self.load(result, i), array, i))
+        self.copy(result, array)
 
-    def trusted(self) -> str:
-        """i1: the last derivative is finite, and every guard of its evaluation is positive, in all lanes."""
+    def trusted(self, row: int) -> str:
+        """i1: k_row, the last derivative taken, is finite, and every guard of its evaluation is positive, in all lanes."""
         c, t = self.code, self.t
         total = c.variable(t.float, t.constant(0.0))
 
-        def add(i: str) -> None:
-            k = self.load("%k", i, self.s)
+        def add(i: Entries) -> None:
+            k = self.load("%k", i, row)
             c.set(t.float, total, c.fma(t, k, t.constant(0.0), c.get(t.float, total)))
 
         self.each(add)
@@ -208,8 +274,13 @@ class _Writer:
         self.s = len(m.b)
         for i, name in enumerate(HEADER):
             c.add(f"{self.header[name]} = getelementptr double, ptr %header, i64 {i}")
-        self.fs, self.xnew, self.ps = "%f.slots", "%x.new", "%project.slots"
-        arrays = [(self.fs, self.f.size), (self.xnew, self.nx), *([(self.ps, self.project.size)] if self.project else [])]
+        self.fs, self.xnew, self.known, self.ps = "%f.slots", "%x.new", "%known", "%project.slots"
+        arrays = [
+            (self.fs, self.f.size),
+            (self.xnew, self.nx),
+            (self.known, self.nx),
+            *([(self.ps, self.project.size)] if self.project else []),
+        ]
         start = stages(m) * self.nx
         for name, size in arrays:
             place = f"getelementptr {t.float}, ptr %k, i64 {start}" if self.large else f"alloca {t.float}, i64 {size}, align {8 * t.lanes}"
@@ -222,10 +293,15 @@ class _Writer:
         # The first derivative, once.
         with c.when(c.value(f"fcmp oeq double {self.number('started')}, {_hex(0.0)}")):
             self.evaluate(self.number("t"), "%x", self.s)
-            self.put("started", _hex(1.0))
-            with c.when(c.value(f"icmp eq i1 {self.trusted()}, false")):
+            with c.when(c.value(f"icmp eq i1 {self.trusted(self.s)}, false")):
                 c.leave("i64", str(NOT_FINITE))
             self.each(lambda i: self.store(self.load("%k", i, self.s), "%k", i))
+            self.put("started", _hex(1.0))
+        if m.errors:
+            unknown = c.value(f"fcmp oeq double {self.number('h')}, {_hex(0.0)}")
+            ahead = c.value(f"fcmp olt double {self.number('t')}, {self.number('t_end')}")
+            with c.when(c.binary("and", "i1", unknown, ahead)):
+                self._first_step()
 
         left = c.variable("i64", "%budget")
         with c.repeat(lambda: c.value(f"fcmp olt double {self.number('t')}, {self.number('t_end')}")):
@@ -234,6 +310,34 @@ class _Writer:
             c.set("i64", left, c.binary("sub", "i64", c.get("i64", left), "1"))
             (self._controlled_step if m.errors else self._equal_step)()
         c.leave("i64", str(DONE))
+
+    def _first_step(self) -> None:
+        """h: what a crude Euler step from k_0 finds safe. Section II.4."""
+        c = self.code
+        t, span = self.number("t"), c.binary("fsub", "double", self.number("t_end"), self.number("t"))
+        tiny = _hex(1e-6)
+
+        # h0: Euler's step changes the state by a hundredth of its size.
+        d0, d1 = map(self.root_mean, self.squares([partial(self.load, "%x"), partial(self.load, "%k")], "%x"))
+        smaller = c.call("double", "llvm.minnum.f64", d0, d1)
+        ratio = c.binary("fdiv", "double", c.binary("fmul", "double", d0, _hex(0.01)), d1)
+        still = c.value(f"fcmp olt double {smaller}, {_hex(1e-5)}")
+        h0 = c.call("double", "llvm.minnum.f64", c.value(f"select i1 {still}, double {tiny}, double {ratio}"), span)
+
+        # h1: the step's error would be a hundredth of the tolerance, judged by what Euler's step did to the derivative.
+        self.each(lambda i: self.store(self.moved(np.ones(1), h0)(i), self.xnew, i))
+        self.projected(self.xnew)
+        self.evaluate(c.binary("fadd", "double", t, h0), self.xnew, 1)
+        (square,) = self.squares([lambda i: c.binary("fsub", i.type.float, self.load("%k", i, 1), self.load("%k", i))], "%x")
+        largest = c.call("double", "llvm.maxnum.f64", d1, c.binary("fdiv", "double", self.root_mean(square), h0))
+        root = c.binary("fdiv", "double", _hex(0.01), largest)
+        root = c.value(f"call double @llvm.pow.f64(double {root}, double {_hex(1.0 / (self.m.order + 1))})")
+        flat = c.value(f"fcmp ole double {largest}, {_hex(1e-15)}")
+        guess = c.call("double", "llvm.maxnum.f64", tiny, c.binary("fmul", "double", h0, _hex(1e-3)))
+        h1 = c.value(f"select i1 {flat}, double {guess}, double {root}")
+        # Where there is no such derivative, h0: the attempt will shrink it, or name the cause.
+        h = c.call("double", "llvm.minnum.f64", h1, c.binary("fmul", "double", h0, _hex(100.0)))
+        self.put("h", c.value(f"select i1 {self.trusted(1)}, double {h}, double {h0}"))
 
     def _equal_step(self) -> None:
         """Step i of `count`, from t0 + i h to t0 + (i + 1) h; the last one ends at t_end."""
@@ -266,7 +370,7 @@ class _Writer:
             self.evaluate(t_new, self.xnew, self.s)
         error = self._error(h)
 
-        # h_new = h · 0.9 · error^(−1/(q + 1)), within 0.2 … 10, and no growth right after a rejection. A NaN counts as a rejection.
+        # h_new = h · 0.8 · error^(−1/(q + 1)), within 0.2 … 10, and no growth right after a rejection. A NaN counts as a rejection.
         power = c.value(f"call double @llvm.pow.f64(double {error}, double {_hex(-1.0 / (m.order + 1))})")
         factor = c.binary("fmul", "double", power, _hex(SAFETY))
         shrink = self.number("shrink")
@@ -292,44 +396,23 @@ class _Writer:
 
     def _stages(self, t_old: str, h: str) -> None:
         """k_1 … k_{s−1} and x_new."""
-        c, m, t = self.code, self.m, self.t
-        step = c.splat(t, h)
-
-        def moved(weights: Array) -> Callable[[str], str]:
-            def at(i: str) -> str:
-                change = self.combination(weights, i)
-                return self.load("%x", i) if change is None else c.fma(t, change, step, self.load("%x", i))
-
-            return at
-
+        c, m = self.code, self.m
+        weights = [*(m.a[i, :i] for i in range(1, self.s)), m.b]  # of the states at which k_1 … k_{s−1} are taken, and of x_new
         for i in range(1, self.s):
             time = c.value(f"call double @llvm.fma.f64(double {h}, double {_hex(float(m.c[i]))}, double {t_old})")
-            self.evaluate(time, moved(m.a[i, :i]), i)
-        self.each(lambda i: self.store(moved(m.b)(i), self.xnew, i))
+            self.evaluate(time, self.moved(weights[i - 1], h), i, following=weights[i])
+        self.each(lambda i: self.store(self.moved(m.b, h)(i), self.xnew, i))
 
     def _error(self, h: str) -> str:
         """The error of a step in units of the tolerance: the root mean square over the entries."""
-        c, m, t = self.code, self.m, self.t
-        sums = [c.variable("double", _hex(0.0)) for _ in m.errors]
-
-        def add(i: str) -> None:
-            sizes = [c.call("double", "llvm.fabs.f64", self.load(base, i)) for base in ("%x", self.xnew)]
-            size = c.call("double", "llvm.maxnum.f64", *sizes)
-            scale = c.value(f"call double @llvm.fma.f64(double {size}, double {self.number('rtol')}, double {self.number('atol')})")
-            for total, weights in zip(sums, m.errors, strict=True):
-                e = c.binary("fdiv", "double", self.combination(weights, i) or _hex(0.0), scale)
-                c.set("double", total, c.fma(t, e, e, c.get("double", total)))
-
-        self.each(add)
-        values = [c.get("double", total) for total in sums]
-        mean = _hex(1.0 / self.nx)
-        if len(values) == 1:
-            rms = c.value(f"call double @llvm.sqrt.f64(double {c.binary('fmul', 'double', values[0], mean)})")
-            return c.binary("fmul", "double", rms, h)
+        c = self.code
+        squares = self.squares([partial(self.combination, weights) for weights in self.m.errors], "%x", self.xnew)
+        if len(squares) == 1:
+            return c.binary("fmul", "double", self.root_mean(squares[0]), h)
         # DOP853: err5² / sqrt(err5² + 0.01 err3²), section II.10.
-        e5, e3 = values
+        e5, e3 = squares
         both = c.value(f"call double @llvm.fma.f64(double {e3}, double {_hex(0.01)}, double {e5})")
-        root = c.value(f"call double @llvm.sqrt.f64(double {c.binary('fdiv', 'double', both, mean)})")
+        root = c.value(f"call double @llvm.sqrt.f64(double {c.binary('fdiv', 'double', both, _hex(1.0 / self.nx))})")
         ratio = c.binary("fdiv", "double", e5, root)
         zero = c.value(f"fcmp oeq double {both}, {_hex(0.0)}")
         return c.binary("fmul", "double", c.value(f"select i1 {zero}, double {_hex(0.0)}, double {ratio}"), h)
@@ -337,7 +420,7 @@ class _Writer:
     def _accept(self, t_old: str, t_new: str, h: str) -> None:
         """Outputs within the step, then the new state becomes the old."""
         c = self.code
-        with c.when(c.value(f"icmp eq i1 {self.trusted()}, false")):
+        with c.when(c.value(f"icmp eq i1 {self.trusted(self.s)}, false")):
             c.leave("i64", str(NOT_FINITE))
         prepared = c.variable("i1", "false")
 
@@ -355,7 +438,7 @@ class _Writer:
             row = c.at(self.t.float, "%out", c.binary("mul", "i64", i, str(self.nx)))
             at_end = c.value(f"fcmp oge double {time}, {t_new}")
             with c.when(at_end):
-                self.each(lambda j: self.store(self.load(self.xnew, j), row, j))
+                self.copy(self.xnew, row)
             with c.when(c.value(f"xor i1 {at_end}, true")):
                 if self.m.extra_a is not None:
                     with c.when(c.value(f"icmp eq i1 {c.get('i1', prepared)}, false")):
@@ -365,18 +448,19 @@ class _Writer:
                 self._between(part, h, row)
                 self.projected(row)
             self.count("next")
-        self.each(lambda i: self.store(self.load(self.xnew, i), "%x", i))
+        self.copy(self.xnew, "%x")
         self.each(lambda i: self.store(self.load("%k", i, self.s), "%k", i))
         self.put("t", t_new)
         self.count("steps")
 
     def _between(self, part: str, h: str, row: str) -> None:
         """The state at t_old + part · h."""
-        c, t, F = self.code, self.t, self.t.float
-        s, step, one = c.splat(t, part), c.splat(t, h), t.constant(1.0)
-        rest = c.binary("fsub", F, one, s)
+        c = self.code
 
-        def at(i: str) -> None:
+        def at(i: Entries) -> None:
+            t, F = i.type, i.type.float
+            s, step = c.splat(t, part), c.splat(t, h)
+            rest = c.binary("fsub", F, t.constant(1.0), s)
             x, new = self.load("%x", i), self.load(self.xnew, i)
             difference = c.binary("fsub", F, new, x)
             start, end = (c.binary("fmul", F, self.load("%k", i, j), step) for j in (0, self.s))
@@ -385,24 +469,23 @@ class _Writer:
             second = c.binary("fsub", F, c.binary("fsub", F, c.binary("fmul", F, difference, t.constant(2.0)), start), end)
             tail = [difference, first, second]
             if self.m.dense is not None:
-                tail += [c.binary("fmul", F, self.combination(w, i) or t.constant(0.0), step) for w in self.m.dense]
+                tail += [c.binary("fmul", F, self.combination(w, i), step) for w in self.m.dense]
             value = tail[-1]
             for n in reversed(range(len(tail) - 1)):
                 value = c.fma(t, value, rest if n % 2 == 0 else s, tail[n])
             self.store(c.fma(t, value, s, x), row, i)
 
-        self.each(at)
+        self.runs(at)
 
     def _extra_stages(self, t_old: str, h: str) -> None:
         """The further derivatives that dense output of high order needs."""
-        c, m, t = self.code, self.m, self.t
+        c, m = self.code, self.m
         assert m.extra_a is not None
         assert m.extra_c is not None
-        step = c.splat(t, h)
         for n, (weights, node) in enumerate(zip(m.extra_a, m.extra_c, strict=True)):
 
-            def state(i: str, weights: Array = weights) -> str:
-                return c.fma(t, self.combination(weights, i) or t.constant(0.0), step, self.load("%x", i))
+            def state(i: Entries, weights: Array = weights) -> str:
+                return c.fma(i.type, self.combination(weights, i), c.splat(i.type, h), self.load("%x", i))
 
             time = c.value(f"call double @llvm.fma.f64(double {h}, double {_hex(float(node))}, double {t_old})")
             self.evaluate(time, state, self.s + 1 + n)

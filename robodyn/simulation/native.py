@@ -30,13 +30,6 @@ class Advance:
     nheld: int
     lanes: int
     adaptive: bool
-    order: int
-
-    def derivative(self, t: float, x: Array, held: Array | None = None) -> Array | None:
-        """ẋ (nx,) of one state (nx,) under held forces (nheld,), in a code of one lane; None where it is not to be trusted."""
-        run = Run(self, x[:, None], t, np.zeros(0), {"dt": 1.0, "rtol": 1.0, "atol": 1.0})
-        run.head_for(t + 1.0, h=1.0, held=held)
-        return None if run.step(budget=0) == integrate.NOT_FINITE else run.k[: self.nx, 0].copy()
 
 
 def compiled(evaluator: Evaluator, method: str, formalism: str, lanes: int, *, held: bool = False) -> Advance:
@@ -53,7 +46,7 @@ def compiled(evaluator: Evaluator, method: str, formalism: str, lanes: int, *, h
         function.owner = each.owner = loaded  # the code lives as long as the functions
         room = integrate.room(tableau, rhs, project)
         nx, nheld = rhs.inputs["x"], rhs.inputs.get("held", 0)
-        evaluator.step_loops[key] = Advance(function, each, room, nx, nheld, lanes, integrator.adaptive, tableau.order)
+        evaluator.step_loops[key] = Advance(function, each, room, nx, nheld, lanes, integrator.adaptive)
     return evaluator.step_loops[key]
 
 
@@ -77,17 +70,13 @@ class Run:
         memory = _aligned((end,))
         views = {name: memory[places[name] : places[name] + math.prod(shape)].reshape(shape) for name, shape in shapes.items()}
         self._header, self._x, self.k, self._held, self._out = views.values()
-        self._x[:] = x0
-        for name, value in (("t", t0), ("t0", t0), ("t_end", t0), ("rtol", settings["rtol"]), ("atol", settings["atol"])):
-            self._put(name, value)
+        reached = int(np.count_nonzero(self._times <= t0))  # outputs at the start are the start
+        self._header[:] = _header(t=t0, t0=t0, t_end=t0, rtol=settings["rtol"], atol=settings["atol"], next=reached)
+        self._x[:] = self._out[:reached] = x0
         self._budget, self._steps = 64, 0
         address = memory.ctypes.data
         pointers = [address + 8 * places[name] for name in shapes]
         self._arguments = (*pointers[:4], self._times.ctypes.data, n, pointers[4])
-        # Outputs at the start are the start.
-        while self._number("next") < len(times) and times[int(self._number("next"))] <= t0:
-            self._out[int(self._number("next"))] = self._x
-            self._put("next", self._number("next") + 1)
 
     def _number(self, name: str) -> float:
         return float(self._header[_PLACE[name]])
@@ -95,11 +84,14 @@ class Run:
     def _put(self, name: str, value: float) -> None:
         self._header[_PLACE[name]] = value
 
-    def head_for(self, t_end: float, *, h: float | None = None, held: Array | None = None) -> None:
-        """Go on from the time reached to t_end, under held forces (nheld,).
+    def starts(self) -> bool:
+        """Whether there is an ẋ to be trusted at the start, under no held forces; not counted, before the first `head_for`."""
+        status = self._advance.function(*self._arguments, 0)
+        self._put("evaluations", 0.0)
+        return status != integrate.NOT_FINITE
 
-        h: the first step of an adaptive method. Where none is given it keeps the one it had; equal steps divide the way.
-        """
+    def head_for(self, t_end: float, *, held: Array | None = None) -> None:
+        """Go on from the time reached to t_end, under held forces (nheld,); an adaptive method with the step that it had."""
         if held is not None:
             self._held[:] = held[:, None]
         t = self._number("t")
@@ -111,9 +103,7 @@ class Run:
         if not self._advance.adaptive:
             n = step_count(t, t_end, self._dt)
             self._put("count", n)
-            h = (t_end - t) / n
-        if h is not None:
-            self._put("h", h)
+            self._put("h", (t_end - t) / n)
 
     def slice(self) -> int:
         """Some steps more, for about SLICE seconds; what `advance` returned."""
@@ -124,9 +114,9 @@ class Run:
             self._budget = int(np.clip(self._budget * SLICE / max(took, 1e-6), 1, 4 * self._budget))
         return status
 
-    def step(self, budget: int = 1) -> int:
-        """One attempt at a step; none, only the derivative at the start, with a budget of 0."""
-        return self._advance.function(*self._arguments, budget)
+    def step(self) -> int:
+        """One attempt at a step."""
+        return self._advance.function(*self._arguments, 1)
 
     @property
     def t(self) -> float:
@@ -155,13 +145,13 @@ class Crowd:
 
     def __init__(self, advance: Advance, x0: Array, t0: float, t_end: float, times: Array, dt: float) -> None:
         self._advance, self._times, steps = advance, np.ascontiguousarray(times, dtype=float), step_count(t0, t_end, dt)
-        at_start = int((times <= t0).sum())
-        values = {"t": t0, "t0": t0, "t_end": t_end, "h": (t_end - t0) / steps, "count": steps, "next": at_start}
-        self._headers = np.tile([float(values.get(name, 0.0)) for name in integrate.HEADER], (len(x0), 1))
+        reached = int(np.count_nonzero(self._times <= t0))
+        header = _header(t=t0, t0=t0, t_end=t_end, h=(t_end - t0) / steps, count=steps, next=reached)
+        self._headers = np.tile(header, (len(x0), 1))
         self.x = _aligned(x0.shape)
         self.x[:] = x0
         self.results = _aligned((len(x0), len(times), *x0.shape[1:]))
-        self.results[:, :at_start] = x0[:, None]
+        self.results[:, :reached] = x0[:, None]
 
     def run(self, first: int, last: int, proceed: Callable[[], bool]) -> int | None:
         """Blocks first to last, as long as `proceed` agrees, asked every SLICE seconds; the first that cannot go on, None if all can."""
@@ -187,6 +177,11 @@ class Crowd:
     def t(self, block: int) -> float:
         """The time that a block has reached [s]."""
         return float(self._headers[block, _PLACE["t"]])
+
+
+def _header(**values: float) -> list[float]:
+    """The numbers that the compiled loop starts from, zero where none is given."""
+    return [values.get(name, 0.0) for name in integrate.HEADER]
 
 
 def _aligned(shape: tuple[int, ...]) -> Array:

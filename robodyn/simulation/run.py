@@ -4,6 +4,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -80,15 +81,15 @@ def simulate(
         raise InputError(f"q0 and v0 have the leading dimensions {state['q0'].shape[:-1]}: give one state, (nq,) and (nv,)")
     inputs.unit_quaternions(scene.equations().side_conditions(state["q0"]))
     x0 = np.concatenate([scene.equations().project(state["q0"]), state["v0"], [0.0]])
-    integration = _Integration(scene, t0, t_end, x0, method, formalism, {"rtol": rtol, "atol": atol, "dt": dt})
+    integration = _Integration(scene, t0, t_end, x0, wanted, method, formalism, {"rtol": rtol, "atol": atol, "dt": dt})
     in_native_code = backend == "native" and METHODS[method].tableau is not None and scene.evaluator.compiles(formalism)
-    if not in_native_code or integration.start is None:
+    if not (in_native_code and integration.starts_natively()):
         scene.evaluator.ask(Result(formalism), "numpy", t=t0, q=state["q0"], v=state["v0"], tau=None)
 
     started, failure = time.perf_counter(), None
     with _reporter(progress) as report:
         try:
-            (integration.run_natively if in_native_code else integration.run_in_python)(wanted, backend, report)
+            integration.run_natively(report) if in_native_code else integration.run_in_python(backend, report)
         except KeyboardInterrupt:
             reached = f"t={integration.reached:.6g} s of {t_end:g} s"
             warnings.warn(f"interrupted at {reached}: the trajectory ends with its last state before", RobodynWarning, stacklevel=2)
@@ -116,30 +117,38 @@ def simulate(
     return trajectory
 
 
+@dataclass(eq=False)
 class _Integration:
     """An integration under way: what was found, and how far it got."""
 
-    def __init__(self, scene: Scene, t0: float, t_end: float, x0: Array, method: str, formalism: str, settings: dict[str, float]) -> None:
-        self.scene, self.t0, self.t_end, self.x0 = scene, t0, t_end, x0
-        self.method, self.formalism, self.settings = method, formalism, settings
-        self.sampling = Sampling(scene, t0, t_end)
-        self.times: Sequence[float] | Array = []
-        self.states: Sequence[Array] | Array = []
-        self.reached, self.x = t0, x0
-        self.counts = {"steps": 0, "rejected": 0, "evaluations": 0}
+    scene: Scene
+    t0: float
+    t_end: float
+    x0: Array
+    wanted: Array | None  # times of the results; None: every step
+    method: str
+    formalism: str
+    settings: dict[str, float]  # rtol, atol, dt
+    times: Sequence[float] | Array = field(default_factory=list)
+    states: Sequence[Array] | Array = field(default_factory=list)
+    counts: dict[str, int] = field(default_factory=lambda: {"steps": 0, "rejected": 0, "evaluations": 0})
+
+    def __post_init__(self) -> None:
+        self.sampling = Sampling(self.scene, self.t0, self.t_end)
+        self.reached, self.x = self.t0, self.x0
 
     @cached_property
-    def advance(self) -> native.Advance:
-        """The compiled step loop."""
-        return native.compiled(self.scene.evaluator, self.method, self.formalism, lanes=1, held=bool(self.sampling))
+    def native_run(self) -> native.Run:
+        """The compiled step loop, at the start."""
+        advance = native.compiled(self.scene.evaluator, self.method, self.formalism, lanes=1, held=bool(self.sampling))
+        return native.Run(advance, self.x0[:, None], self.t0, np.zeros(0) if self.wanted is None else self.wanted, self.settings)
 
-    @cached_property
-    def start(self) -> Array | None:
-        """ẋ (nx,) that native code finds at the start, under no held forces; None where there is none to be trusted."""
+    def starts_natively(self) -> bool:
+        """Whether native code finds an ẋ to be trusted at the start."""
         try:
-            return self.advance.derivative(self.t0, self.x0)
+            return self.native_run.starts()
         except ZeroDivisionError:  # a pivot is zero whatever the state
-            return None
+            return False
 
     def keep(self, t: float, x: Array) -> None:
         """One result more."""
@@ -149,9 +158,9 @@ class _Integration:
     def rhs(self, t: float, x: Array, backend: str) -> Array:
         """ẋ (nx,)."""
         self.counts["evaluations"] += 1
-        nq, nv = self.scene.robot.nq, self.scene.robot.nv
+        q, v = self.coordinates(x)
         try:
-            got = self.scene.evaluator.ask(Evolution(self.formalism), backend, t=t, q=x[:nq], v=x[nq : nq + nv], tau=self.sampling.held)
+            got = self.scene.evaluator.ask(Evolution(self.formalism), backend, t=t, q=q, v=v, tau=self.sampling.held)
         except ModelError:
             raise
         except Exception as error:
@@ -162,25 +171,34 @@ class _Integration:
 
     def spans(self) -> Iterator[tuple[float, float]]:
         """Start and end of each span of time that is integrated without a break."""
+        return self.sampling.spans(lambda: self.coordinates(self.x))
+
+    def coordinates(self, x: Array) -> tuple[Array, Array]:
+        """q (nq,) and v (nv,) of a state."""
         nq, nv = self.scene.robot.nq, self.scene.robot.nv
-        return self.sampling.spans(lambda: (self.x[:nq], self.x[nq : nq + nv]))
+        return x[:nq], x[nq : nq + nv]
 
     def project(self, x: Array) -> Array:
         """x with its Euler parameters at unit length."""
         nq = self.scene.robot.nq
         return np.concatenate([self.scene.equations().project(x[:nq]), x[nq:]])
 
-    def run_in_python(self, wanted: Array | None, backend: str, report: Progress) -> None:
+    def reach(self, t: float, report: Progress) -> None:
+        """The integration has come to t."""
+        self.reached = t
+        report((t - self.t0) / (self.t_end - self.t0))
+
+    def run_in_python(self, backend: str, report: Progress) -> None:
         """Steps in Python, on a right-hand side of either backend."""
+        wanted = self.wanted
         if wanted is None or wanted[0] == self.t0:
             self.keep(self.t0, self.x0)
 
         def f(t: float, x: Array) -> Array:
             dx = self.rhs(t, x, backend)
             if METHODS[self.method].semi_implicit:
-                nq, nv = self.scene.robot.nq, self.scene.robot.nv
-                v_new = x[nq : nq + nv] + h * dx[nq : nq + nv]
-                dx[:nq] = self.scene.equations().rate(x[:nq], v_new)
+                (q, v), (qdot, vdot) = self.coordinates(x), self.coordinates(dx)
+                qdot[:] = self.scene.equations().rate(q, v + h * vdot)
             return dx
 
         first_step = None
@@ -196,34 +214,31 @@ class _Integration:
                         self.keep(float(t), self.project(x))
                     if step.t in wanted:
                         self.keep(step.t, step.x)
-                self.reached, self.x, first_step = step.t, step.x, step.h
-                report((step.t - self.t0) / (self.t_end - self.t0))
+                self.x, first_step = step.x, step.h
+                self.reach(step.t, report)
 
-    def run_natively(self, wanted: Array | None, backend: str, report: Progress) -> None:
+    def run_natively(self, report: Progress) -> None:
         """Steps in native code, a slice of time between two looks at the keyboard."""
-        advance = self.advance
-        run = native.Run(advance, self.x0[:, None], self.t0, np.zeros(0) if wanted is None else wanted, self.settings)
+        run, wanted = self.native_run, self.wanted
         self.x = run.x[:, 0]
         if wanted is None:
             self.keep(self.t0, self.x0)
         try:
-            for start, end in self.spans():
-                h = self._first_step() if advance.adaptive and start == self.t0 else None
-                run.head_for(end, h=h, held=self.sampling.held)
+            for _, end in self.spans():
+                run.head_for(end, held=self.sampling.held)
                 status = None
                 while status != DONE:
                     before = run.t
                     status = run.step() if wanted is None else run.slice()
                     if wanted is None and run.t > before:
                         self.keep(run.t, run.x[:, 0].copy())
-                    self.reached = run.t
-                    report((run.t - self.t0) / (self.t_end - self.t0))
+                    self.reach(run.t, report)
                     if status == STEP_TOO_SMALL:
                         raise SimulationError(too_small(run.t))
                     if status == NOT_FINITE:
                         self._name_the_cause(run)
         finally:
-            self.counts = run.counts | {"evaluations": run.counts["evaluations"] + self.counts["evaluations"]}
+            self.counts = run.counts
             if wanted is not None:
                 self.times, self.states = wanted[: len(run.results)], run.results[:, :, 0]
 
@@ -234,20 +249,6 @@ class _Integration:
             f"after t={run.t:.9g} s the state stopped being finite, or a joint showed no inertia within the next step: "
             "reduce dt, or look for loads that grow without bound"
         )
-
-    def _first_step(self) -> float | None:
-        """Hairer, Nørsett, Wanner, Solving ODEs I, section II.4: a step that a crude Euler step finds safe."""
-        rtol, atol, span = self.settings["rtol"], self.settings["atol"], self.t_end - self.t0
-        x, scale, held = self.x0, atol + abs(self.x0) * rtol, self.sampling.held
-        if (f0 := self.start if held is None else self.advance.derivative(self.t0, x, held)) is None:
-            return span  # the first step will name the cause
-        d0, d1 = (np.sqrt(np.mean((y / scale) ** 2)) for y in (x, f0))
-        h0 = min(1e-6 if d0 < 1e-5 or d1 < 1e-5 else 0.01 * d0 / d1, span)
-        f1 = self.advance.derivative(self.t0 + h0, self.project(x + h0 * f0), held)
-        self.counts["evaluations"] += 2
-        d2 = np.inf if f1 is None else np.sqrt(np.mean(((f1 - f0) / scale) ** 2)) / h0
-        h1 = max(1e-6, h0 * 1e-3) if max(d1, d2) <= 1e-15 else (0.01 / max(d1, d2)) ** (1 / (self.advance.order + 1))
-        return min(100 * h0, h1, span) if f1 is not None else h0
 
 
 def _finished(scene: Scene, t: Array, x: Array, sampling: Sampling, formalism: str, backend: str, stats: dict[str, Any]) -> Trajectory:

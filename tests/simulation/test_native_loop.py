@@ -5,9 +5,11 @@ from functools import partial
 
 import numpy as np
 import pytest
+import scipy.integrate
 from tools import case
 
 import robodyn as rd
+from robodyn.engine import integrate
 from robodyn.model import Link
 
 BACKENDS = ("native", "numpy")
@@ -168,3 +170,46 @@ def test_no_trajectories_and_trajectories_that_cannot_start():
     massless = replace(robot, links=(*robot.links[:-1], Link(robot.links[-1].name)))
     with pytest.raises(rd.ModelError, match=robot.joint_names[-1]):
         rd.simulate_many(massless, q0=np.zeros((3, 2)), t_end=0.01)
+
+
+@pytest.mark.parametrize(("links", "method"), [(1, "dop853"), (6, "dop853"), (6, "rk45"), (11, "rk4"), (60, "dop853")])
+def test_entries_side_by_side_have_the_bits_of_one_at_a_time(links, method, monkeypatch):
+    """3, 13, 23 and 121 entries: runs of 8, 4, 2 and 1, written out and in loops, at steps and in between."""
+    runs = []
+    for widths in (integrate.WIDTHS, (1,)):
+        monkeypatch.setattr(integrate, "WIDTHS", widths)
+        c = case(2, n=links, joint_types=("revolute",), floating_base=False)
+        runs.append(rd.simulate(rd.Scene(c.robot), t_end=0.3, q0=c.q, v0=c.v, method=method, rtol=1e-9, fps=300))
+    assert runs[0].stats["steps"] > 2
+    for name in ("q", "v", "work"):
+        assert np.array_equal(getattr(runs[0], name), getattr(runs[1], name)), name
+
+
+@pytest.mark.parametrize("method", ["dop853", "rk45"])
+@pytest.mark.parametrize("t_end", [2.0, 1e-5])
+def test_the_first_step_is_scipys(method, t_end):
+    """The same rule on the same numbers: only roundings differ, and the root of order 8 or 5 does not magnify them."""
+    scene, q = rd.Scene(rd.load(rods().with_name("double_pendulum.urdf"))), np.array([0.4, -0.7])
+    theirs = getattr(scipy.integrate, method.upper())(partial(rate, scene), 0.0, [*q, 0, 0, 0], t_end, rtol=1e-9, atol=1e-9)
+    ours = rd.simulate(scene, t_end=t_end, q0=q, method=method, rtol=1e-9, fps=None)
+    assert np.isclose(ours.t[1], theirs.h_abs, rtol=1e-9, atol=0)
+
+
+def test_at_the_same_tolerance_no_more_work_and_no_larger_errors_than_scipys():
+    """Both take DOP853's steps; over a dozen falls the step control decides, not chance."""
+    scene, rng = rd.Scene(rd.load(rods().with_name("double_pendulum.urdf"))), np.random.default_rng(3)
+    work, errors = np.zeros(2), np.zeros(2)
+    for q in rng.uniform(-3, 3, (12, 2)):
+        exact = rd.simulate(scene, t_end=1.0, q0=q, rtol=1e-13, times=[1.0])
+        ours = rd.simulate(scene, t_end=1.0, q0=q, rtol=1e-9, times=[1.0])
+        theirs = scipy.integrate.solve_ivp(partial(rate, scene), (0, 1), [*q, 0, 0, 0], method="DOP853", rtol=1e-9, atol=1e-9)
+        work += ours.stats["evaluations"], theirs.nfev
+        errors += [np.log(abs(end[:2] - exact.q[-1]).max()) for end in (ours.q[-1], theirs.y[:, -1])]
+    assert work[0] <= work[1]
+    assert errors[0] <= errors[1]
+
+
+def rate(scene, t, x):
+    """ẋ of x = (q, v, work) where no load does work."""
+    n = scene.robot.nv
+    return np.concatenate([x[n : 2 * n], scene.forward_dynamics(x[:n], x[n : 2 * n], np.zeros(n)), [0.0]])
