@@ -20,7 +20,7 @@ from ..questions import Evolution, Result
 from ..scene import Scene
 from . import native
 from .methods import METHODS
-from .run import output_times
+from .run import Integration, output_times
 from .trajectory import Trajectory
 
 
@@ -109,7 +109,9 @@ def simulate_many(
                 stop.set()  # after Ctrl-C nobody waits for the rest
     for block in (block for block in failed if block is not None):
         t, states = crowd.t(block), crowd.x[block].T
-        causes = ((int(row), _cause(scene, formalism, t, x)) for row, x in zip(rows[block], states, strict=True))
+        settings = {"rtol": 1.0, "atol": 1.0, "dt": dt}
+        steps = (Integration(scene, t, min(t + dt, t_end), x, method, formalism, settings) for x in states)
+        causes = ((int(row), _cause(step)) for row, step in zip(rows[block], steps, strict=True))
         bad, cause = next(((row, cause) for row, cause in causes if cause), (int(rows[block][0]), None))
         why = cause or "reduce dt"
         raise SimulationError(
@@ -122,11 +124,11 @@ def simulate_many(
     return Trajectories(scene, wanted, found[..., :nq], found[..., nq : nq + nv], found[..., nq + nv], stats)
 
 
-def _cause(scene: Scene, formalism: str, t: float, x: Array) -> RobodynError | None:
-    """Why a state has no accelerations; None where it has."""
-    nq, nv = scene.robot.nq, scene.robot.nv
+def _cause(integration: Integration) -> RobodynError | None:
+    """Why a state cannot go on: what stops its next step in Python; None where nothing does."""
     try:
-        scene.evaluator.ask(Evolution(formalism), "numpy", t=t, q=x[:nq], v=x[nq : nq + nv], tau=None)
+        for _ in integration.steps(integration.t0, integration.t_end, "numpy"):
+            pass
     except RobodynError as error:
         return error
     return None
