@@ -3,7 +3,7 @@
 Plain functions of arrays that are already checked (`inputs`), in whatever arithmetic the tree's constants are in (`scene`).
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -12,7 +12,6 @@ import numpy as np
 
 from .algebra import dot, homogeneous, stacked
 from .arithmetic import Array, dtype_of, exact, precision, zeros
-from .errors import InputError
 from .formalism import energy, kinematics
 from .formalism.constraints import coordinate_forces
 from .formalism.ldl import couplings, factorise
@@ -23,6 +22,7 @@ from .formalism.saddle import saddle_body, saddle_joint
 from .formalism.solution import Solution
 from .formalism.spatial import Pose, wrench_to_parent
 from .loads import Load, State
+from .loads.answers import joint_forces, link_wrenches
 from .model import Body, Mechanism, Minimal, Tree, lump, minimal
 
 SWEEPS = {"nonrecursive": nonrecursive, "recursive": recursive}
@@ -37,16 +37,6 @@ class Applied(NamedTuple):
     tau: Array  # (..., nv): the same as coordinate forces
     wrenches: dict[int, Array]  # (..., 6) on bodies, by body index
     power: Array  # (...) [W] of the loads that have no potential
-
-
-def _joint_forces(load: Load, state: State) -> Mapping[int, Array]:
-    """The load's joint forces; InputError where it branches on a number that is only known when a kernel runs."""
-    try:
-        return load.joint_forces(state)
-    except TypeError as error:
-        if state.q.dtype != object:
-            raise
-        raise InputError(f"{type(load).__name__} cannot be compiled: {error}. Run it with backend='numpy'") from error
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,11 +62,11 @@ class Equations:
             power = power + dot(tau[..., mechanism.v_slices[i]], state.velocity(i))
 
         for load in self.loads:
-            for i, force in _joint_forces(load, state).items():
+            for i, force in joint_forces(load, state).items():
                 u[..., mechanism.u_slices[i]] += force
                 if not load.conservative:
                     power = power + dot(force, state.velocity(i))
-            for link, wrench in load.link_wrenches(state).items():
+            for link, wrench in link_wrenches(load, state).items():
                 if not load.conservative:
                     power = power + dot(wrench, state.twist(link))
         return Applied(u, self._coordinate_forces(u), self.wrenches(t, q, v), power)
@@ -86,9 +76,9 @@ class Equations:
         state = State(self.mechanism, self.tree, t, q, v)
         found: dict[int, Array] = {}
         for load in self.loads:
-            for link, wrench in load.link_wrenches(state).items():
+            for link, wrench in link_wrenches(load, state).items():
                 if (body := self.tree.link_body[link]) >= 0:  # what is fixed to the ground does not feel it
-                    on_body = wrench_to_parent(state.placement(link), np.asarray(wrench))
+                    on_body = wrench_to_parent(state.placement(link), wrench)
                     found[body] = found[body] + on_body if body in found else on_body
         return found
 

@@ -23,11 +23,11 @@ from .engine.program import Program, program
 from .engine.sweeps import Looped, Recorder
 from .equations import SADDLES, SWEEPS, Views
 from .errors import InputError, ModelError
-from .loads import Load
+from .loads import Load, State
 from .looped import LoopedViews
 from .model import Mechanism
 from .questions import Answer, Evolution, ForwardDynamics, InverseDynamics, JointReactions, MassMatrix, Question
-from .trust import refuse_impossible, refuse_infinite, refuse_massless, refuse_undetermined, smallest_pivots
+from .trust import refuse_impossible, refuse_infinite, refuse_infinite_loads, refuse_massless, refuse_undetermined, smallest_pivots
 
 UNROLLED = 50  # moving bodies and freedoms up to which a kernel is straight-line code: beyond, that takes seconds to compile
 WRITTEN_OUT = 100  # up to which what has no loops (mimic joints, "nonrecursive") is compiled all the same; beyond, NumPy answers
@@ -151,16 +151,30 @@ class Evaluator:
             try:
                 answer = question.answer(views, t, **checked)
             except (np.linalg.LinAlgError, ZeroDivisionError):
+                self._refuse_loads(t, arrays)
                 refuse_massless(self.robot, views.lumped.tree)
                 if getattr(question, "formalism", "") in SADDLES:  # does not know which joint it is; the minimal form does
                     self._directly(replace(question, formalism="nonrecursive"), backend, t, arrays)  # type: ignore[call-arg]
                 raise ModelError(f"the equations of robot {self.robot.name!r} are singular at this state") from None
             values = answer.values if dtype == DOUBLE else {name: np.asarray(x).astype(dtype) for name, x in answer.values.items()}
-        if answer.solution is not None:
-            refuse_undetermined(self.robot, self.views().lumped.tree, answer.solution, float(np.finfo(dtype).eps))
         batch, shapes = next(iter(checked.values())).shape[:-1], question.shapes(self.robot)
-        refuse_infinite(values, shapes)
+        try:
+            if answer.solution is not None:
+                refuse_undetermined(self.robot, self.views().lumped.tree, answer.solution, float(np.finfo(dtype).eps))
+            refuse_infinite(values, shapes)
+        except ModelError:
+            self._refuse_loads(t, arrays)
+            raise
         return {name: np.array(np.broadcast_to(x, batch + shapes[name])) for name, x in values.items()}
+
+    def _refuse_loads(self, t: Array | float, arrays: Mapping[str, object]) -> None:
+        """ModelError where it is a load that is not finite."""
+        equations = self.views().lumped
+        if "v" in arrays and equations.loads:
+            checked = inputs.checked(self.robot, {name: arrays[name] for name in ("q", "v")}, objects=True)
+            q, v = (x.astype(float) for x in checked.values())
+            with np.errstate(all="ignore"):
+                refuse_infinite_loads(equations.loads, State(self.robot, equations.tree, t, q, v))
 
     def hasten(self, owner: object, name: str, question: Question, arrays: tuple[str, ...], optional: int) -> None:
         """From now on, answer an object's plain calls of a method by a built-in function: its attribute stands before the class's.

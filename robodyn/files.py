@@ -8,6 +8,8 @@ from pathlib import Path
 
 from .errors import FileError
 
+UNFINISHED = ".robodyn.", ".part"  # how the names of files begin and end while they are written
+
 
 def atomic_write(path: str | os.PathLike[str], data: str | bytes, *, mode: int = 0o666) -> None:
     """Write `data` (text as UTF-8) to `path`: readers see the old file or the whole new one, whatever happens in between.
@@ -19,7 +21,7 @@ def atomic_write(path: str | os.PathLike[str], data: str | bytes, *, mode: int =
     data = data.encode() if isinstance(data, str) else data
     temporary = None
     try:
-        handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=".robodyn.", suffix=".part")
+        handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=UNFINISHED[0], suffix=UNFINISHED[1])
         with os.fdopen(handle, "wb") as file:
             file.write(data)
             file.flush()

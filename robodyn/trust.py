@@ -1,12 +1,14 @@
 """Whether a motion is determined: what is refused, by name, when accelerations are asked for."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from .arithmetic import Array
 from .errors import ModelError
 from .formalism.solution import Solution
+from .loads import Load, State
+from .loads.answers import joint_forces, link_wrenches
 from .model import Mechanism, Tree
 
 EPS = np.finfo(float).eps
@@ -92,6 +94,31 @@ def _joint(mechanism: Mechanism, column: int) -> str:
 
 def _at(index: tuple[int, ...]) -> str:
     return f" in state [{', '.join(map(str, index))}]" if index else ""
+
+
+HUGE = 1e150  # beyond this the square of a number is beyond float64
+
+
+def refuse_infinite_loads(loads: Sequence[Load], state: State) -> None:
+    """ModelError where a load's force is not finite, or too large at a state that is not: it names the load, where and when."""
+    batch = np.broadcast_shapes(np.shape(state.t), state.q.shape[:-1], state.v.shape[:-1])
+    bound = HUGE if all((abs(x) < HUGE**0.5).all() for x in (state.q, state.v)) else np.inf
+    for load in loads:
+        forces = [("force in joint", i, force) for i, force in joint_forces(load, state).items()]
+        wrenches = [("wrench on link", i, wrench) for i, wrench in link_wrenches(load, state).items()]
+        for what, i, values in forces + wrenches:
+            values = np.broadcast_to(values, (*batch, values.shape[-1]))
+            bad = np.argwhere(~(abs(values) < bound))
+            if not len(bad):
+                continue
+            index = tuple(int(k) for k in bad[0])
+            value, t = values[index], float(np.broadcast_to(state.t, batch)[index[:-1]])
+            name = state.mechanism.link_names[i] if "link" in what else state.mechanism.joints[i].name
+            why = "too large for float64" if np.isfinite(value) else "not finite, as after a division by zero or growth without bound"
+            raise ModelError(
+                f"the {what} {name!r} that the load {type(load).__name__} gives is {value:.6g} at t={t:.9g} s{_at(index[:-1])}: {why}. "
+                "Correct its law, or limit it with np.clip"
+            )
 
 
 def refuse_infinite(values: Mapping[str, Array], shapes: Mapping[str, tuple[int, ...]]) -> None:

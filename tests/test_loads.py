@@ -461,9 +461,11 @@ def test_a_control_law_drives_mimic_joints_at_their_leader():
 def test_the_answer_of_a_control_law_must_fit(answer, shape):
     c = case(3, n=3)
     scene = rd.Scene(c.robot, loads=[rd.ControlLaw(lambda t, q, v: answer)])
-    with pytest.raises(rd.InputError, match=rf"control law returned an array of shape {shape} at t=0.5: it must be \({c.robot.nv},\)"):
+    with pytest.raises(
+        rd.InputError, match=rf"control law returned an array of shape {shape} at t=0.5 s: it must be an array \({c.robot.nv},\)"
+    ):
         scene.forward_dynamics(c.q, c.v, t=0.5, backend="numpy")
-    with pytest.raises(rd.InputError, match=rf"control law returned an array of shape {shape}.*it must be \({c.robot.nv},\)"):
+    with pytest.raises(rd.InputError, match=rf"control law returned an array of shape {shape}.*it must be an array \({c.robot.nv},\)"):
         scene.forward_dynamics(c.q, c.v)
 
 
@@ -484,6 +486,59 @@ def test_a_control_law_is_of_float64():
     scene = rd.Scene(c.robot, loads=[rd.ControlLaw(lambda t, q, v: v)])
     with pytest.raises(rd.ModelError, match=r"ControlLaw.*mpmath"):
         scene.forward_dynamics(c.q, c.v, backend="mpmath")
+
+
+# What is no force at all, and what the error says of it.
+NO_FORCES = {
+    "complex": (lambda t, q, v: -2j * v - q, r"complex number"),
+    "one complex": (lambda t, q, v: [1.0, 0.0, 3j], r"complex number 0\+3j for 'joint_3'.*real numbers.*np\.real"),
+    "complex without an imaginary part": (lambda t, q, v: np.zeros(3, complex), r"complex number 0\+0j for 'joint_1'.*real numbers"),
+    "text": (lambda t, q, v: ["1.0", "2.0", "3.0"], r"returned \['1.0', '2.0', '3.0'\].*real numbers"),
+    "objects": (lambda t, q, v: np.array([0.0, None, 0.0]), r"returned None for 'joint_2'.*real numbers"),
+    "none": (lambda t, q, v: None, r"returned None.*an array \(3,\)"),
+    "ragged": (lambda t, q, v: [[1.0], [1.0, 2.0], []], r"rows have different lengths.*an array \(3,\)"),
+    "too short": (lambda t, q, v: [1.0, 2.0], r"shape \(2,\).*an array \(3,\)"),
+    "too long": (lambda t, q, v: np.zeros(4), r"shape \(4,\).*an array \(3,\)"),
+}
+
+
+def three():
+    return rd.random_robot(np.random.default_rng(5), 3, joint_types=("revolute",))
+
+
+@pytest.mark.filterwarnings("error::numpy.exceptions.ComplexWarning")
+@pytest.mark.parametrize("backend", ["native", "numpy"])
+@pytest.mark.parametrize("fault", NO_FORCES)
+def test_laws_that_return_no_forces_are_refused(fault, backend):
+    """By both kinds of law, at one state and in simulations, and never by leaving the imaginary part out."""
+    (law, message), robot = NO_FORCES[fault], three()
+    q = v = np.full(3, 0.2)
+    scene = rd.Scene(robot, loads=[rd.ControlLaw(law)])
+    for ask in (
+        lambda: scene.forward_dynamics(q, v, t=0.5, backend=backend),
+        lambda: scene.reactions(q, v, backend=backend),
+        lambda: rd.simulate(scene, t_end=0.1, v0=v, backend=backend),
+        lambda: rd.simulate_many(scene, t_end=0.1, v0=v),
+    ):
+        with pytest.raises(rd.InputError, match=f"control law.*{message}"):
+            ask()
+    scene = rd.Scene(robot, loads=[rd.Sampled(law, 0.01)])
+    with pytest.raises(rd.InputError, match=f"sampled control law.*{message}"):
+        scene.forward_dynamics(q, v, backend=backend)
+    with pytest.raises(rd.SimulationError, match=f"sampled control law.*{message}") as caught:
+        rd.simulate(scene, t_end=0.1, v0=v, backend=backend)
+    assert isinstance(caught.value.__cause__, rd.InputError)
+
+
+@pytest.mark.filterwarnings("error::numpy.exceptions.ComplexWarning")
+@pytest.mark.parametrize("backend", ["native", "numpy"])
+def test_a_law_may_answer_whole_numbers_and_truths(backend):
+    robot, q = three(), np.array([0.2, -0.3, 0.4])
+    for law, tau in ((lambda t, q, v: [1, -2, 3], [1.0, -2.0, 3.0]), (lambda t, q, v: q > 0, [1.0, 0.0, 1.0])):
+        expected = robot.forward_dynamics(q, 0 * q, tau)
+        for load in (rd.ControlLaw(law), rd.Sampled(law, 0.1)):
+            found = rd.Scene(robot, loads=[load]).forward_dynamics(q, 0 * q, backend=backend)
+            assert error(found, expected) < C * condition(robot, q) * EPS
 
 
 # --- loads of the user's own -------------------------------------------------------------------------------------------
@@ -572,6 +627,76 @@ def test_a_load_may_choose_with_numpy_and_not_with_if():
         scene.forward_dynamics([0.1], [0.0])
     found = [scene.forward_dynamics([x], [0.0], backend="numpy") for x in (0.1, -0.1)]
     assert np.allclose(found, answers, rtol=4 * EPS)
+
+
+@dataclass(frozen=True, eq=False)
+class Odd(Load):
+    """Answers whatever it is told to."""
+
+    forces: object = None
+    wrenches: object = None
+
+    def joint_forces(self, state):
+        return self.forces(state) if self.forces else {}
+
+    def link_wrenches(self, state):
+        return self.wrenches(state) if self.wrenches else {}
+
+
+ODD = {
+    "complex force": (Odd(lambda s: {2: 1j * s.velocity(2)}), r"Odd.*complex number"),
+    "complex root": (Odd(lambda s: {2: np.sqrt(s.velocity(2) + 0j)}), r"Odd.*complex number"),
+    "constant complex force": (Odd(lambda s: {2: 2j}), r"Odd returned the complex number 0\+2j.*'joint_2'.*real numbers.*np\.real"),
+    "text": (Odd(lambda s: {2: "1.0"}), r"Odd returned '1.0'.*'joint_2'.*real numbers of the shape \((2, )?1,?\)"),
+    "nothing": (Odd(lambda s: {2: None}), r"Odd returned None.*'joint_2'"),
+    "two forces": (Odd(lambda s: {2: np.ones(2)}), r"Odd returned an array of shape \(2,\).*'joint_2'.*of the shape \((2, )?1,?\)"),
+    "force of a fixed joint": (
+        Odd(lambda s: {0: np.ones(1)}),
+        r"Odd returned an array of shape \(1,\).*'ground'.*of the shape \((2, )?0,?\)",
+    ),
+    "no such joint": (Odd(lambda s: {17: s.velocity(1)}), r"Odd gives forces to the joint 17: .*joint_index"),
+    "a name": (Odd(lambda s: {"joint_2": s.velocity(2)}), r"Odd gives forces to the joint 'joint_2'.*joint_index"),
+    "no dictionary": (Odd(lambda s: [1.0]), r"Odd.joint_forces returned \[1.0\].*dictionary"),
+    "complex wrench": (Odd(None, lambda s: {3: np.full(6, 1j)}), r"Odd returned the complex number 0\+1j.*link 'link_3'"),
+    "force alone": (
+        Odd(None, lambda s: {3: np.ones(3)}),
+        r"Odd returned an array of shape \(3,\).*link 'link_3'.*of the shape \((2, )?6,?\)",
+    ),
+    "no wrench": (Odd(None, lambda s: {3: None}), r"Odd returned None.*link 'link_3'"),
+    "no such link": (Odd(None, lambda s: {"link_3": np.ones(6)}), r"Odd gives forces to the link 'link_3'.*link_index"),
+}
+
+
+@pytest.mark.filterwarnings("error::numpy.exceptions.ComplexWarning")
+@pytest.mark.parametrize("backend", ["native", "numpy"])
+@pytest.mark.parametrize("fault", ODD)
+def test_loads_that_return_no_forces_are_refused(fault, backend):
+    """By name, with what they act on, wherever the equations ask them."""
+    (load, message), robot = ODD[fault], three()
+    q = v = np.full(3, 0.2)
+    scene = rd.Scene(robot, loads=[load])
+    for ask in (
+        lambda: scene.forward_dynamics(q, v, backend=backend),
+        lambda: scene.forward_dynamics([q, q], v, backend=backend),
+        lambda: rd.simulate(scene, t_end=0.1, v0=v, backend=backend),
+        lambda: rd.simulate_many(scene, t_end=0.1, v0=v),
+    ):
+        with pytest.raises(rd.InputError, match=message):
+            ask()
+
+
+@pytest.mark.parametrize("backend", ["native", "numpy"])
+def test_one_number_is_the_force_of_every_freedom(backend):
+    robot, load = body_on(Spherical()), Odd(lambda s: {1: 1.5})
+    found = acceleration(robot, load, [1.0, 0, 0, 0], np.zeros(3), backend=backend)
+    assert np.allclose(found, 1.5 / np.array([0.2, 0.3, 0.4]), rtol=8 * EPS)
+
+
+@pytest.mark.parametrize("fault", [lambda: 1 / 0, lambda: np.linalg.inv(np.zeros((2, 2)))])
+def test_a_load_that_divides_by_zero_is_not_taken_for_a_singular_robot(fault):
+    scene = rd.Scene(three(), loads=[Odd(lambda s: {1: fault()})])
+    with pytest.raises(rd.InputError, match=r"Odd raised (ZeroDivisionError|LinAlgError) at t=0.5 s"):
+        scene.forward_dynamics(np.zeros(3), np.zeros(3), t=0.5, backend="numpy")
 
 
 # --- what the file declares --------------------------------------------------------------------------------------------

@@ -235,3 +235,21 @@ print("fine")
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.stdout.strip() == "fine", done.stderr
+
+
+@pytest.mark.parametrize("arguments", [["ur5e.urdf"], ["--chains", "3"]])
+def test_the_benchmark_without_its_extra_says_which_one(arguments):
+    """Not mpmath's own extra, which would bring no peers; and in a line, before anything is measured."""
+    robots = Path(__file__).parents[1] / "robots"
+    arguments = [str(robots / x) if x.endswith(".urdf") else x for x in arguments]
+    code = f"""
+import sys
+sys.modules.update(dict.fromkeys(("mpmath", "pinocchio", "mujoco")))
+from robodyn.cli import main
+sys.exit(main(["bench", "--quick", *{arguments!r}]))
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert "pip install 'robodyn[bench]'" in done.stderr
+    assert "robodyn[mpmath]" not in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1

@@ -9,6 +9,7 @@ from tools import EPS, ROUTES
 import robodyn as rd
 from robodyn.algebra import frozen
 from robodyn.joints import Fixed, Planar, Prismatic, Revolute
+from robodyn.loads import Load
 from robodyn.model import GROUND, Inertia, Joint, Link, Mimic
 
 
@@ -127,3 +128,94 @@ def test_one_joint_without_inertia_is_named_by_the_plainest_call():
     for formalism in ROUTES:
         with pytest.raises(rd.ModelError, match="'spin'"):
             robot.forward_dynamics([0.1], [1.0], formalism=formalism)
+
+
+# --- loads that are not finite -----------------------------------------------------------------------------------------
+
+
+class Given(Load):
+    """A load of the user's own: forces in joints and wrenches on links as functions of the state."""
+
+    def __init__(self, forces=None, wrenches=None):
+        object.__setattr__(self, "forces", forces)
+        object.__setattr__(self, "wrenches", wrenches)
+
+    def joint_forces(self, state):
+        return self.forces(state) if self.forces else {}
+
+    def link_wrenches(self, state):
+        return self.wrenches(state) if self.wrenches else {}
+
+
+def column(t):
+    """The time (…, 1), beside coordinates."""
+    return np.asarray(t)[..., None]
+
+
+BOTH = pytest.mark.parametrize("backend", ["native", "numpy"])
+FINE = rd.JointDamping({"joint_1": 0.1})
+# Not finite, or too large, at q = 0.5 and t = 0.7; and what the error says, beside the time.
+ENDLESS = {
+    "pole": (Given(lambda s: {2: 1 / (s.position(2) - 0.5)}), r"force in joint 'joint_2' that the load Given gives is inf at t=0.7 s"),
+    "root": (rd.ControlLaw(lambda t, q, v: np.sqrt(0.2 - q)), r"force in joint 'joint_1' that the load ControlLaw gives is nan at t=0.7 s"),
+    "late": (
+        Given(None, lambda s: {3: np.ones(6) * np.log(0.5 - column(s.t))}),
+        r"link 'link_3' that the load Given gives is nan at t=0.7 s",
+    ),
+    "spring": (rd.JointSpring({"joint_3": 1e308}), r"'joint_3' that the load JointSpring gives is -5e\+307 at t=0.7 s.*too large"),
+}
+
+
+def arm():
+    return rd.random_robot(np.random.default_rng(5), 3, joint_types=("revolute",))
+
+
+@BOTH
+@pytest.mark.parametrize("case", ENDLESS)
+def test_a_load_that_is_not_finite_is_named_with_its_joint_and_time(case, backend):
+    (load, message), q = ENDLESS[case], np.full(3, 0.5)
+    scene = rd.Scene(arm(), loads=[FINE, load])
+    for ask in (scene.forward_dynamics, scene.reactions):
+        with pytest.raises(rd.ModelError, match=message):
+            ask(q, 0 * q, t=0.7, backend=backend)
+    if case != "late":  # in a batch, the state that is bad
+        assert np.isfinite(scene.forward_dynamics(0.0 * q, 0 * q, t=0.7, backend=backend)).all()
+        with pytest.raises(rd.ModelError, match=message.split(" gives")[0] + r".* at t=0.7 s in state \[1\]"):
+            scene.forward_dynamics([0 * q, q], 0 * q, t=0.7, backend=backend)
+    if case != "spring":  # whose forces are finite
+        with pytest.raises(rd.ModelError, match=message):
+            scene.inverse_dynamics(q, 0 * q, 0 * q, t=0.7, backend=backend)
+    with pytest.raises(rd.ModelError, match=message):
+        rd.simulate(scene, t0=0.7, t_end=1.0, q0=q, backend=backend)
+    with pytest.raises(rd.SimulationError, match=message.split(" gives")[0]):
+        rd.simulate_many(scene, t0=0.7, t_end=1.0, q0=[q, q])
+
+
+@BOTH
+@pytest.mark.parametrize("method", ["dop853", "rk45", "rk4", "semi_implicit_euler", "radau"])
+def test_a_load_that_stops_being_finite_on_the_way_is_named(method, backend):
+    """At the time of the trial state that it was asked at: within the step that failed, of 0.01 s or of error control's."""
+    law = rd.ControlLaw(lambda t, q, v: np.sqrt(0.2 - t) - v)
+    scene = rd.Scene(arm(), loads=[FINE, law], gravity=(0, 0, 0))
+    with pytest.raises(rd.SimulationError, match=r"'joint_1' that the load ControlLaw gives is nan at t=0\.2") as caught:
+        rd.simulate(scene, t_end=0.5, method=method, dt=0.01, rtol=1e-4, backend=backend)
+    assert 0.1 < caught.value.trajectory.t[-1] <= 0.2
+
+
+def test_in_many_trajectories_too():
+    """The one that meets the pole first, in a crowd that does not."""
+    pole = Given(lambda s: {2: 0.1 * np.sqrt(0.3 - s.position(2))})
+    scene, q0 = rd.Scene(arm(), loads=[FINE, pole], gravity=(0, 0, 0)), np.zeros((11, 3))
+    v0 = np.zeros((11, 3))
+    v0[7, 1] = 3.0
+    with pytest.raises(rd.SimulationError, match=r"trajectory 7 .*'joint_2' that the load Given gives is nan at t=0\.\d+ s"):
+        rd.simulate_many(scene, t_end=0.2, q0=q0, v0=v0)
+
+
+@BOTH
+def test_finite_loads_are_not_blamed(backend):
+    """A velocity that nothing can hold: its damping is large as well, and no cause."""
+    scene = rd.Scene(arm(), loads=[FINE])
+    with pytest.raises(rd.ModelError, match=r"not finite") as caught:
+        scene.forward_dynamics(np.zeros(3), np.full(3, 1e200), backend=backend)
+    assert "JointDamping" not in str(caught.value)

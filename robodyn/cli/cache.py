@@ -10,7 +10,11 @@ from ..engine import cache
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """The command's options."""
-    parser.add_argument("--clear", action="store_true", help="remove every kernel; they are compiled again when needed")
+    parser.add_argument(
+        "--clear",
+        action="store_true",
+        help="remove every kernel, and what interrupted writes have left; kernels are compiled again when needed",
+    )
 
 
 def run(options: argparse.Namespace) -> int:

@@ -7,12 +7,14 @@ only from a folder that is the user's own, and only if its content is whole; eve
 import contextlib
 import hashlib
 import os
+import time
 from pathlib import Path
 
-from ..files import atomic_write
+from ..files import UNFINISHED, atomic_write
 
 VARIABLE = "ROBODYN_CACHE"  # "off", or another folder
 LIMIT = 256 * 2**20  # bytes; the entries used longest ago go first
+STALE = 600.0  # [s]: what was begun longer ago and has no name yet was interrupted; another process writes for far less than that
 _MAGIC = b"robodyn object code 1\n"
 
 
@@ -73,18 +75,19 @@ def put(name: str, code: bytes) -> None:
 
 
 def clear() -> tuple[int, int]:
-    """Remove every entry; returns their number and bytes."""
-    removed = [_remove(file) for file in _entries(folder())]
-    return sum(n > 0 for n in removed), sum(removed)
+    """Remove every entry, and what interrupted writes have left; returns the number of entries and the bytes of all."""
+    path = folder()
+    entries = [_remove(file) for file in _entries(path)]
+    return sum(n > 0 for n in entries), sum(entries) + sum(_remove(file) for file in _unfinished(path, STALE))
 
 
 def usage() -> tuple[int, int]:
-    """Number of entries and their bytes."""
-    sizes = []
-    for file in _entries(folder()):
+    """Number of entries, and the bytes of them and of writes that are not finished."""
+    entries, size = _entries(folder()), 0
+    for file in entries + _unfinished(folder()):
         with contextlib.suppress(OSError):  # another process may have removed it
-            sizes.append(file.stat().st_size)
-    return len(sizes), sum(sizes)
+            size += file.stat().st_size
+    return len(entries), size
 
 
 def _head(name: str, code: bytes) -> bytes:
@@ -97,7 +100,20 @@ def _entries(path: Path | None) -> list[Path]:
     return [file for file in path.iterdir() if len(file.name) == 64 and file.is_file()]
 
 
+def _unfinished(path: Path | None, age: float = -float("inf")) -> list[Path]:
+    """Files of writes that began at least `age` seconds ago and did not end."""
+    found = []
+    for file in path.iterdir() if path is not None else ():
+        if file.name.startswith(UNFINISHED[0]) and file.name.endswith(UNFINISHED[1]):
+            with contextlib.suppress(OSError):  # another process may have finished it
+                if time.time() - file.stat().st_mtime >= age:
+                    found.append(file)
+    return found
+
+
 def _shrink(path: Path) -> None:
+    for file in _unfinished(path, STALE):
+        _remove(file)
     files = []
     for file in _entries(path):
         with contextlib.suppress(OSError):  # another process may have removed it

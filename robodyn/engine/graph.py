@@ -56,6 +56,8 @@ class Graph:
             return x  # type: ignore[return-value]
         if isinstance(x, Condition):
             return x.select(1.0, 0.0)
+        if isinstance(x, complex):
+            raise TypeError(f"{x} is a complex number, and compiled numbers are real")
         return self.node("const", float(x))  # type: ignore[arg-type]
 
     def condition(self, *key: Any) -> "Condition":

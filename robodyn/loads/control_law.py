@@ -11,6 +11,7 @@ from ..arithmetic import Array, is_exact
 from ..dispatch import symbols
 from ..errors import InputError, ModelError
 from ..model import Mechanism
+from .answers import law_forces
 from .base import Load, State
 
 _ROBODYN = Path(__file__).parents[1]
@@ -38,7 +39,7 @@ class ControlLaw(Load):
         """The law on symbols: NumPy's arithmetic and functions pass, a branch on a value does not."""
         q, v = symbols(state.q), symbols(state.v)
         try:
-            tau, again = (np.asarray(self.law(state.t, q.copy(), v.copy()), dtype=object) for _ in range(2))  # type: ignore[arg-type]
+            answers = [self.law(state.t, q.copy(), v.copy()) for _ in range(2)]  # type: ignore[arg-type]
         except Exception as error:
             frames = [f for f in traceback.extract_tb(error.__traceback__) if not Path(f.filename).is_relative_to(_ROBODYN)]
             # The user's own last line, not one of a library that it called; a library's where the law is one.
@@ -48,12 +49,11 @@ class ControlLaw(Load):
                 f"the control law cannot be compiled{where}: {error}. Write it with arithmetic and NumPy functions such as np.tanh, "
                 f"without branches on values; or {_INSTEAD}"
             ) from error
+        tau, again = (law_forces(x, state.mechanism, "control law") for x in answers)
         # Compiled, its first answer would hold for ever.
         first, second = ([getattr(x, "number", x) for x in answer.flat] for answer in (tau, again))
         if any(x != y and x == x for x, y in zip(first, second, strict=False)):  # a NaN differs from itself
             raise InputError(f"the control law answers the same call differently each time: it has a memory. {_INSTEAD}")
-        if tau.shape != (state.mechanism.nv,):
-            raise InputError(f"the control law returned an array of shape {tau.shape}: it must be ({state.mechanism.nv},)")
         return tau
 
     def joint_forces(self, state: State) -> Mapping[int, Array]:
@@ -68,10 +68,8 @@ class ControlLaw(Load):
         tau = np.empty((*batch, nv))
         for i in np.ndindex(batch):
             try:
-                answer = np.asarray(self.law(float(t[i]), q[i].copy(), v[i].copy()), dtype=float)
+                answer = self.law(float(t[i]), q[i].copy(), v[i].copy())
             except (TypeError, ValueError, ZeroDivisionError, np.linalg.LinAlgError) as error:
                 raise InputError(f"the control law raised {type(error).__name__} at t={float(t[i])}: {error}") from error
-            if answer.shape != (nv,):
-                raise InputError(f"the control law returned an array of shape {answer.shape} at t={float(t[i])}: it must be ({nv},)")
-            tau[i] = answer
+            tau[i] = law_forces(answer, state.mechanism, "control law", f" at t={float(t[i]):.9g} s")
         return {i: tau[..., state.mechanism.v_slices[i]] for i in state.mechanism.owners}

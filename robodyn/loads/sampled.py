@@ -8,6 +8,7 @@ import numpy as np
 from ..arithmetic import Array
 from ..errors import InputError
 from ..model import Mechanism
+from .answers import law_forces
 from .base import Load
 
 
@@ -36,14 +37,8 @@ class Sampled(Load):
 
     def forces(self, mechanism: Mechanism, t: float, q: Array, v: Array) -> Array:
         """What the law answers (nv,). InputError where that is no finite array of this shape; what the law itself raises, passes."""
-        answer = self.law(t, np.array(q), np.array(v))
-        try:
-            tau = np.array(answer, dtype=float)  # a copy: the law may go on to use its own
-        except (TypeError, ValueError):
-            tau = np.array(np.nan)
-        if tau.shape != (mechanism.nv,):
-            found = f"an array of shape {tau.shape}" if isinstance(answer, np.ndarray) else repr(answer)
-            raise InputError(f"the sampled control law returned {found} at t={t:.9g} s: it must be an array ({mechanism.nv},)")
+        tau = law_forces(self.law(t, np.array(q), np.array(v)), mechanism, "sampled control law", f" at t={t:.9g} s")
+        tau = np.array(tau, dtype=float)  # a copy: the law may go on to use its own
         if not np.isfinite(tau).all():
             k = int(np.argmin(np.isfinite(tau)))
             name = mechanism.coordinate_names()[1][k][0]

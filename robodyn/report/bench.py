@@ -5,7 +5,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from ..errors import InputError, RobodynError
+from ..arithmetic import mpmath
+from ..errors import InputError, MissingPackageError, RobodynError
 from . import chains as long_chains, dynamics, processes, trajectories
 from .accuracy import condition
 from .subject import Contest, Settings, Subject
@@ -53,6 +54,7 @@ def rows(subject: Subject, kinds: Sequence[str] = tuple(KINDS), *, script: str |
     """The rows of one robot, each as soon as it is measured. script: the yardstick's."""
     if unknown := set(kinds) - set(KINDS):
         raise InputError(f"there is no kind of work named {', '.join(sorted(unknown))}; there are {', '.join(KINDS)}")
+    _needs_digits()
     for kind in kinds:
         tick(f"{subject.robot.name}: {kind}, preparing and comparing results")
         for found in KINDS[kind](subject):
@@ -76,8 +78,17 @@ def _timed(contest: Contest, subject: Subject, tick: Tick) -> Row:
     return Row(contest.kind, contest.work, both[0], contest.peer, theirs, contest.error, contest.peer_error, contest.note)
 
 
+def _needs_digits() -> None:
+    """MissingPackageError where the extra is not installed: without the peers a benchmark says something, without errors it does not."""
+    try:
+        mpmath()
+    except MissingPackageError as error:
+        raise MissingPackageError("the benchmark measures errors in 50 digits, and needs mpmath: pip install 'robodyn[bench]'") from error
+
+
 def chain_rows(counts: Sequence[int], settings: Settings, tick: Tick = lambda _: None) -> Iterator[Row]:
     """A row per chain of n joints, seconds per joint; its remark has the memory and the first call."""
+    _needs_digits()
     for n in counts:
         tick(f"chain of {n} joints")
         for _, found in long_chains.chains([n], settings.rounds):
@@ -94,6 +105,7 @@ def chain_rows(counts: Sequence[int], settings: Settings, tick: Tick = lambda _:
 
 def facts(subject: Subject) -> dict[str, Any]:
     """What belongs above a robot's rows: size, operations per route, the condition of the checked states."""
+    _needs_digits()
     q = subject.few[0]
     kappa = max(condition(subject.robot, x, a) for x, a in zip(q, subject.exact, strict=True))
     return {"name": subject.robot.name, "nv": subject.robot.nv, "operations": subject.scene.evaluator.operations, "condition": kappa}

@@ -96,7 +96,7 @@ def crowd(subject: Subject) -> Iterator[Contest]:
     t_end = settings.crowd_steps * settings.dt
 
     def ours() -> Any:
-        return simulate_many(subject.scene, q0=q, v0=v, t_end=t_end, dt=settings.dt, fps=None, threads=settings.threads)
+        return simulate_many(subject.scene, q0=q, v0=v, t_end=t_end, dt=settings.dt, times=[t_end], threads=settings.threads)
 
     work = f"{n} trajectories of {settings.crowd_steps} steps, RK4, {settings.threads} threads"
     if isinstance(twin := _same(subject), str):

@@ -6,6 +6,7 @@ import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,8 @@ from ..questions import Evolution, Result
 from ..scene import Scene
 from . import native
 from .methods import METHODS
-from .run import output_times
+from .run import MOST_FRAMES, Integration, output_times
+from .step import step_count
 from .trajectory import Trajectory
 
 
@@ -59,7 +61,8 @@ def simulate_many(
 ) -> Trajectories:
     """Integrate N initial states q0 (N, nq), v0 (N, nv) (either may be one state for all) from t0 to t_end [s] with equal steps.
 
-    method: "rk4" or "semi_implicit_euler", steps of at most dt [s]. Results at fps frames per second, or at `times`; fps=None: the end.
+    method: "rk4" or "semi_implicit_euler", steps of at most dt [s]. Results at fps frames per second, or at `times` (T,)
+    [s] within [t0, t_end], or with fps=None at every step; t_end is always the last, and with times=[t_end] the only one.
     Each result has the same bits as `simulate` gives for that state alone. Ctrl-C stops between slices of work and raises.
     Raises InputError for bad arguments and for a scene with a `Sampled` law, SimulationError naming the trajectory that cannot go on.
     """
@@ -76,8 +79,8 @@ def simulate_many(
     t0, t_end, dt = (inputs.number(k, x) for k, x in (("t0", t0), ("t_end", t_end), ("dt", dt)))
     if not t_end > t0 or dt <= 0:
         raise InputError(f"t_end={t_end} must be later than t0={t0}, and dt={dt} positive")
-    wanted = np.array([t_end]) if fps is None and times is None else output_times(t0, t_end, fps, times)
-    assert wanted is not None
+    wanted = output_times(t0, t_end, fps, times)
+    wanted = step_times(t0, t_end, dt) if wanted is None else wanted
 
     inputs.thread_count(threads)
     states = inputs.checked(scene.robot, {"q0": scene.robot.neutral() if q0 is None else q0, "v0": v0})
@@ -109,7 +112,9 @@ def simulate_many(
                 stop.set()  # after Ctrl-C nobody waits for the rest
     for block in (block for block in failed if block is not None):
         t, states = crowd.t(block), crowd.x[block].T
-        causes = ((int(row), _cause(scene, formalism, t, x)) for row, x in zip(rows[block], states, strict=True))
+        settings = {"rtol": 1.0, "atol": 1.0, "dt": dt}
+        steps = (Integration(scene, t, min(t + dt, t_end), x, None, method, formalism, settings) for x in states)
+        causes = ((int(row), _cause(step)) for row, step in zip(rows[block], steps, strict=True))
         bad, cause = next(((row, cause) for row, cause in causes if cause), (int(rows[block][0]), None))
         why = cause or "reduce dt"
         raise SimulationError(
@@ -122,11 +127,19 @@ def simulate_many(
     return Trajectories(scene, wanted, found[..., :nq], found[..., nq : nq + nv], found[..., nq + nv], stats)
 
 
-def _cause(scene: Scene, formalism: str, t: float, x: Array) -> RobodynError | None:
-    """Why a state has no accelerations; None where it has."""
-    nq, nv = scene.robot.nq, scene.robot.nv
+def step_times(t0: float, t_end: float, dt: float) -> Array:
+    """t0 and the end of every step, to the bit as native code has them: t0 + k h rounded once, and t_end."""
+    if not (n := step_count(t0, t_end, dt)) < MOST_FRAMES:
+        raise InputError(f"{n:.3g} steps are too many to keep: give fps or the times you need, such as times=[t_end]")
+    start, h = Fraction(t0), Fraction((t_end - t0) / n)
+    return np.array([float(start + k * h) for k in range(n)] + [t_end])
+
+
+def _cause(integration: Integration) -> RobodynError | None:
+    """Why a state cannot go on: what stops its next step in Python; None where nothing does."""
     try:
-        scene.evaluator.ask(Evolution(formalism), "numpy", t=t, q=x[:nq], v=x[nq : nq + nv], tau=None)
+        for _ in integration.steps(integration.t0, integration.t_end, "numpy"):
+            pass
     except RobodynError as error:
         return error
     return None

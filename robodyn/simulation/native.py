@@ -124,6 +124,11 @@ class Run:
         return self._number("t")
 
     @property
+    def h(self) -> float:
+        """The step that is due [s]."""
+        return self._number("h")
+
+    @property
     def x(self) -> Array:
         """The state reached (nx, lanes)."""
         return self._x

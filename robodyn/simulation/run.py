@@ -23,7 +23,7 @@ from . import native
 from .methods import METHODS
 from .sampling import Sampling
 from .scipy_steps import too_small
-from .step import resolution
+from .step import Step, resolution
 from .trajectory import Trajectory
 
 MOST_FRAMES = 1e8  # results of one trajectory: beyond this memory runs out first
@@ -81,7 +81,7 @@ def simulate(
         raise InputError(f"q0 and v0 have the leading dimensions {state['q0'].shape[:-1]}: give one state, (nq,) and (nv,)")
     inputs.unit_quaternions(scene.equations().side_conditions(state["q0"]))
     x0 = np.concatenate([scene.equations().project(state["q0"]), state["v0"], [0.0]])
-    integration = _Integration(scene, t0, t_end, x0, wanted, method, formalism, {"rtol": rtol, "atol": atol, "dt": dt})
+    integration = Integration(scene, t0, t_end, x0, wanted, method, formalism, {"rtol": rtol, "atol": atol, "dt": dt})
     in_native_code = backend == "native" and METHODS[method].tableau is not None and scene.evaluator.compiles(formalism)
     if not (in_native_code and integration.starts_natively()):
         scene.evaluator.ask(Result(formalism), "numpy", t=t0, q=state["q0"], v=state["v0"], tau=None)
@@ -118,7 +118,7 @@ def simulate(
 
 
 @dataclass(eq=False)
-class _Integration:
+class Integration:
     """An integration under way: what was found, and how far it got."""
 
     scene: Scene
@@ -188,23 +188,27 @@ class _Integration:
         self.reached = t
         report((t - self.t0) / (self.t_end - self.t0))
 
+    def steps(self, start: float, end: float, backend: str, first_step: float | None = None) -> Iterator[Step]:
+        """Steps in Python from the state reached, over a span of time without a break."""
+        integrator, h = METHODS[self.method], (end - start) / native.step_count(start, end, self.settings["dt"])
+
+        def f(t: float, x: Array) -> Array:
+            dx = self.rhs(t, x, backend)
+            if integrator.semi_implicit:
+                (q, v), (qdot, vdot) = self.coordinates(x), self.coordinates(dx)
+                qdot[:] = self.scene.equations().rate(q, v + h * vdot)
+            return dx
+
+        return integrator.steps(f, start, self.x, end, self.project, first_step=first_step, **self.settings)
+
     def run_in_python(self, backend: str, report: Progress) -> None:
         """Steps in Python, on a right-hand side of either backend."""
         wanted = self.wanted
         if wanted is None or wanted[0] == self.t0:
             self.keep(self.t0, self.x0)
-
-        def f(t: float, x: Array) -> Array:
-            dx = self.rhs(t, x, backend)
-            if METHODS[self.method].semi_implicit:
-                (q, v), (qdot, vdot) = self.coordinates(x), self.coordinates(dx)
-                qdot[:] = self.scene.equations().rate(q, v + h * vdot)
-            return dx
-
         first_step = None
         for start, end in self.spans():
-            h = (end - start) / native.step_count(start, end, self.settings["dt"])
-            for step in METHODS[self.method].steps(f, start, self.x, end, self.project, first_step=first_step, **self.settings):
+            for step in self.steps(start, end, backend, first_step):
                 self.counts["steps"] += 1
                 if wanted is None:
                     self.keep(step.t, step.x)
@@ -233,19 +237,25 @@ class _Integration:
                     if wanted is None and run.t > before:
                         self.keep(run.t, run.x[:, 0].copy())
                     self.reach(run.t, report)
-                    if status == STEP_TOO_SMALL:
-                        raise SimulationError(too_small(run.t))
-                    if status == NOT_FINITE:
-                        self._name_the_cause(run)
+                    if status in (STEP_TOO_SMALL, NOT_FINITE):
+                        raise SimulationError(self._cause(run, end, status))
         finally:
             self.counts = run.counts
             if wanted is not None:
                 self.times, self.states = wanted[: len(run.results)], run.results[:, :, 0]
 
-    def _name_the_cause(self, run: native.Run) -> None:
-        """SimulationError, with the joint where the NumPy formalism can name it."""
-        self.rhs(run.t, run.x[:, 0], "numpy")
-        raise SimulationError(
+    def _cause(self, run: native.Run, end: float, status: int) -> str:
+        """Why native code cannot go on, with the joint or the load where NumPy's formalism can name it."""
+        h = run.h if status == NOT_FINITE else 0.0
+        end = min(run.t + max(h, resolution(run.t, end)), end)
+        try:
+            for _ in self.steps(run.t, end, "numpy", h or None):  # where a stage of the step fails, so does this one
+                pass
+        except ModelError as error:
+            return f"{f'at t={run.t:.9g} s' if h else f'the step size went to zero at t={run.t:.9g} s'}: {error}"
+        if status == STEP_TOO_SMALL:
+            return too_small(run.t)
+        return (
             f"after t={run.t:.9g} s the state stopped being finite, or a joint showed no inertia within the next step: "
             "reduce dt, or look for loads that grow without bound"
         )

@@ -34,19 +34,27 @@ function moveLinks(t) {
 }
 
 // Corners of the links' boxes all through the motion, at 200 instants of a long one and fewer of a large robot: what there is to see.
+// In the world; and from the root link's origin, with how far that goes from where it starts.
 function reach() {
   links.forEach(link => place(link, [0, 0, 0, 1, 0, 0, 0]));
-  const boxes = links.map(link => new THREE.Box3().setFromObject(link)), points = [];
+  const boxes = links.map(link => new THREE.Box3().setFromObject(link)), points = [], fromRoot = [];
   const instants = Math.min(times.length, 200, Math.ceil(20000 / links.length));
+  const root = links[0].position, first = new THREE.Vector3();
+  let travel = 0;
   for (let n = 0; n < instants; n++) {
     moveLinks(times[Math.round(n * (times.length - 1) / Math.max(1, instants - 1))]);
+    if (n === 0) first.copy(root);
+    travel = Math.max(travel, root.distanceTo(first));
     links.forEach((link, i) => {
       if (boxes[i].isEmpty() || (n > 0 && tracks[i].length === 7)) return;
       link.updateMatrix();
       const { min, max } = boxes[i];
-      for (const x of [min.x, max.x]) for (const y of [min.y, max.y]) for (const z of [min.z, max.z])
-        points.push(new THREE.Vector3(x, y, z).applyMatrix4(link.matrix));
+      for (const x of [min.x, max.x]) for (const y of [min.y, max.y]) for (const z of [min.z, max.z]) {
+        const point = new THREE.Vector3(x, y, z).applyMatrix4(link.matrix);
+        points.push(point);
+        fromRoot.push(point.clone().sub(root));
+      }
     });
   }
-  return points;
+  return { points, fromRoot, travel };
 }

@@ -1,6 +1,6 @@
 // Play, pause, loop, speed and the time slider; and `window.robodyn`, the same for scripts.
 
-function startPlayer(viewer) {
+function startPlayer({ viewer, follow }) {
   const slider = byId("time"), clock = byId("clock"), play = byId("play"), loop = byId("loop"), speed = byId("speed");
   const digits = Math.min(6, Math.max(1, 3 - Math.floor(Math.log10(end - start || 1))));
   let time = start, playing = false, looping = true, held = false;
@@ -8,6 +8,7 @@ function startPlayer(viewer) {
   function setTime(t) {
     time = Math.min(end, Math.max(start, t));
     moveLinks(time);
+    follow();
     slider.value = time;
     clock.value = `${time.toFixed(digits)} / ${end.toFixed(digits)} s`;
     slider.setAttribute("aria-valuetext", `${time.toFixed(digits)} seconds`);
@@ -66,7 +67,7 @@ if (webglWorks()) {
   byId("controls").hidden = end === start;
   startPlayer(openStage());
 } else {
-  byId("frame").hidden = true;
+  byId("frame").hidden = byId("follow").hidden = true;
   byId("failure").hidden = false;
   byId("failure").textContent = "This page draws the robot with WebGL, which this browser does not offer. "
     + "Switch hardware acceleration on in its settings, or open the file in another browser.";

@@ -1,4 +1,4 @@
-// meshcat's viewer with the robot in it: light, floor and camera, all as large as the motion.
+// meshcat's viewer with the robot in it: light, floor and camera, as large as the motion, or as the robot where that goes far.
 
 const FRONT = new THREE.Vector3(1, -1.35, 0.7).normalize(); // from the robot to the camera; z is up
 const FOV = 32; // [deg]
@@ -23,14 +23,11 @@ function openStage() {
   for (const name of ["Lights", "Grid", "Axes"]) viewer.delete_path([name]);
   viewer.set_object(["Robot"], new THREE.Group().add(...links));
 
-  const points = reach();
-  const box = new THREE.Box3().setFromPoints(points);
-  const centre = box.getCenter(new THREE.Vector3());
-  const radius = largest(points, point => point.distanceTo(centre)) || 1;
-  const floor = Math.min(0, box.min.z);
-  viewer.set_object(["Lights"], lights(centre, radius, floor));
-  viewer.set_object(["Floor"], shadowFloor(centre, radius, floor));
-  viewer.set_object(["Grid"], grid(centre, radius, floor));
+  const { points, fromRoot, travel } = reach();
+  const whole = extent(points);
+  const floor = Math.min(0, whole.box.min.z);
+  viewer.set_object(["Floor"], shadowFloor(whole.centre, whole.radius, floor));
+  viewer.set_object(["Grid"], grid(whole.centre, whole.radius, floor));
 
   // The bar covers the lower edge: the middle of the picture is the middle of what stands above it.
   const bar = () => byId("controls").offsetHeight + 16;
@@ -39,17 +36,49 @@ function openStage() {
     viewer.camera.setViewOffset(width, height, 0, bar() / 2, width, height);
     MeshCat.Viewer.prototype.set_3d_pane_size.call(viewer, width, height);
   };
-  const frame = () => {
+
+  // Either the whole motion is in the picture, or the robot is, and camera and light go with its root.
+  const root = new THREE.Vector3(), button = byId("follow");
+  let following, lamps;
+  function setFollowing(on) {
+    following = on;
+    button.setAttribute("aria-pressed", on);
+    root.copy(links[0].position);
+  }
+  function frame(on) {
+    setFollowing(on);
+    const { points, centre, radius } = on ? extent(fromRoot.map(point => point.clone().add(root))) : whole;
+    lamps = lights(centre, radius, floor);
+    viewer.set_object(["Lights"], lamps);
     viewer.set_3d_pane_size();
-    lookAt(viewer, points, centre, radius, 1 - (bar() + 60) / Math.max(pane.clientHeight, 200));
-  };
-  byId("frame").addEventListener("click", frame);
-  frame();
-  return viewer;
+    lookAt(viewer, points, centre, radius, 1 - (bar() + 60) / Math.max(pane.clientHeight, 200), whole.radius);
+  }
+  function follow() {
+    if (!following) return;
+    const step = links[0].position.clone().sub(root);
+    root.add(step);
+    lamps.position.add(step);
+    for (const place of [viewer.camera.position, viewer.controls.target]) place.add(new THREE.Vector3(step.x, step.z, -step.y));
+  }
+  byId("frame").addEventListener("click", () => frame(false));
+  button.addEventListener("click", () => (following ? setFollowing(false) : frame(true)));
+
+  // In a picture of the whole motion, a robot that goes further than this would be a speck.
+  const far = travel > 4 * extent(fromRoot).radius;
+  button.hidden = !far;
+  moveLinks(start);
+  frame(far);
+  return { viewer, follow };
 }
 
-// Puts the camera as near as it sees all points, in the middle `share` of the picture's height.
-function lookAt(viewer, points, centre, radius, share) {
+// The box around points, its centre, and how far they are from there.
+function extent(points) {
+  const box = new THREE.Box3().setFromPoints(points), centre = box.getCenter(new THREE.Vector3());
+  return { points, box, centre, radius: largest(points, point => point.distanceTo(centre)) || 1 };
+}
+
+// Puts the camera as near as it sees all points, in the middle `share` of the picture's height; it sees `far` beyond them.
+function lookAt(viewer, points, centre, radius, share, far) {
   const { camera, controls } = viewer;
   camera.fov = FOV;
   const height = Math.tan(FOV / 2 * Math.PI / 180), width = height * camera.aspect;
@@ -64,7 +93,7 @@ function lookAt(viewer, points, centre, radius, share) {
   camera.position.set(position.x, position.z, -position.y);
   controls.target.set(centre.x, centre.z, -centre.y);
   camera.near = radius / 100;
-  camera.far = distance + 100 * radius;
+  camera.far = distance + 100 * far;
   controls.update();
   viewer.set_dirty();
 }

@@ -1,11 +1,16 @@
 """The cache of compiled kernels."""
 
 import os
+import signal
 import stat
+import subprocess
+import sys
+import time
 
 import numpy as np
 import pytest
 
+from robodyn.cli import main
 from robodyn.engine import cache, kernel as kernels
 from robodyn.engine.graph import Graph
 from robodyn.engine.program import program
@@ -113,3 +118,51 @@ def test_clear(folder):
     number, size = cache.clear()
     assert (number, size > 0) == (2, True)
     assert cache.usage() == (0, 0)
+
+
+def leave(folder, name, age, size=1000):
+    """What a process leaves that was killed in the middle of writing."""
+    file = folder / name
+    file.write_bytes(bytes(size))
+    os.utime(file, (time.time() - age,) * 2)
+    return file
+
+
+def test_what_interrupted_writes_left_is_counted_and_cleared(folder, capsys):
+    value(3.0)
+    number, size = cache.usage()
+    old, new = leave(folder, ".robodyn.a1.part", age=3600), leave(folder, ".robodyn.b2.part", age=5)
+    foreign = leave(folder, "notes.part", age=3600)
+    assert cache.usage() == (number, size + 2000)
+    assert cache.clear() == (number, size + 1000)
+    assert not old.exists()
+    assert new.exists()  # another process may be at it
+    assert foreign.exists()
+    assert cache.usage() == (0, 1000)
+    os.utime(new, (time.time() - 3600,) * 2)
+    assert main(["cache", "--clear"]) == 0
+    assert not new.exists()
+    assert "0 kernels" in capsys.readouterr().out
+
+
+def test_the_next_entry_cleans_up_behind_an_interrupted_write(folder):
+    folder.mkdir(mode=0o700)
+    old, new = leave(folder, ".robodyn.a1.part", age=3600), leave(folder, ".robodyn.b2.part", age=5)
+    value(3.0)
+    assert not old.exists()
+    assert new.exists()
+
+
+def test_a_killed_process_leaves_what_clear_knows(folder):
+    """Killed between the write and the rename; the name of what it leaves is the one that is looked for."""
+    folder.mkdir(mode=0o700)
+    program = (
+        "import os, signal; from robodyn.engine import cache; "
+        "os.replace = lambda *_: os.kill(os.getpid(), signal.SIGKILL); cache.put(cache.key('x'), bytes(500))"
+    )
+    assert subprocess.run([sys.executable, "-c", program], check=False).returncode == -signal.SIGKILL
+    (left,) = folder.iterdir()
+    assert cache.usage()[1] > 500
+    os.utime(left, (time.time() - 3600,) * 2)
+    assert cache.clear()[1] > 500
+    assert not list(folder.iterdir())

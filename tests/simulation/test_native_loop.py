@@ -85,6 +85,30 @@ def test_many_trajectories_have_the_bits_of_one(moving):
     assert np.array_equal(many.q, rd.simulate_many(scene, t_end=0.05, q0=q0, v0=v, dt=1e-3, fps=100, threads=1).q)
 
 
+@pytest.mark.parametrize("method", ["rk4", "semi_implicit_euler"])
+@pytest.mark.parametrize(("t0", "t_end", "dt"), [(0.0, 0.05, 1e-3), (-3.1, -3.0, 0.007), (1e3, 1e3 + 0.3, 0.1)])
+def test_without_frames_every_step_is_kept_whoever_simulates(moving, method, t0, t_end, dt):
+    """fps=None means the same to one trajectory and to many: t0 and the end of each step, to the bit."""
+    scene, q, v = moving
+    options = {"t0": t0, "t_end": t_end, "dt": dt, "method": method, "v0": v}
+    many = rd.simulate_many(scene, q0=np.stack([q] * 3), fps=None, **options)
+    alone = rd.simulate(scene, q0=q, fps=None, **options)
+    assert len(many.t) == alone.stats["steps"] + 1
+    assert np.array_equal(many.t, alone.t)
+    assert np.array_equal(many.q, np.stack([alone.q] * 3))
+    assert np.array_equal(many.v[2], alone.v)
+    assert np.array_equal(many.work[1], alone.work)
+    # The end alone is a time as any other.
+    ends = rd.simulate_many(scene, q0=q, times=[t_end], **options)
+    assert ends.t.tolist() == [t_end]
+    assert np.array_equal(ends.q[0], alone.q[-1:])
+
+
+def test_too_many_steps_to_keep_are_refused_before_they_are_made():
+    with pytest.raises(rd.InputError, match=r"steps are too many to keep.*times=\[t_end\]"):
+        rd.simulate_many(rd.load(rods()), t_end=1e6, fps=None)
+
+
 def test_the_trajectory_that_cannot_go_on_is_named():
     cartpole = rd.load(rods().with_name("cartpole.urdf"))
     v0 = np.zeros((10, 2))

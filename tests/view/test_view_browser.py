@@ -212,6 +212,74 @@ def test_the_whole_motion_can_be_framed_again(open_page, still):
     assert share_of(ORANGE, picture(page)[60:]) == pytest.approx(share_of(ORANGE, before), rel=0.01)
 
 
+@pytest.fixture
+def fall(run):
+    """The same robot, falling 20 m while it moves."""
+    run.times = np.linspace(0.0, 2.0, 41)
+    poses = run.poses
+    poses[..., 2, 3] -= 5.0 * run.times[:, None] ** 2
+    return run.mechanism, {"times": run.times, "poses": poses}
+
+
+def test_the_picture_goes_with_a_robot_that_falls(open_page, fall):
+    """As large at every time as at the start; the whole fall on demand, with a speck in it; and the robot again."""
+    mechanism, arguments = fall
+    page = open_page(mechanism, **arguments)
+    assert page.get_attribute("#follow", "aria-pressed") == "true"
+
+    def size(t=None):
+        if t is not None:
+            page.evaluate("t => robodyn.setTime(t)", t)
+        page.mouse.move(320, 200)
+        drawn(page)
+        return share_of(ORANGE, picture(page)[60:400])
+
+    sizes = [size(t) for t in (0.0, 0.7, 1.4, 2.0)]  # the arm turns, and shows another side
+    assert min(sizes) > 0.01
+    assert max(sizes) < 3 * min(sizes)
+    last = size(2.0)
+    page.click("#frame")
+    assert page.get_attribute("#follow", "aria-pressed") == "false"
+    assert size() < 0.1 * last
+    speck = size()
+    size(0.0)
+    assert 0 < size(2.0) == pytest.approx(speck, rel=0.01)  # the camera stands still
+    page.click("#follow")
+    assert page.get_attribute("#follow", "aria-pressed") == "true"
+    assert size() == pytest.approx(last, rel=0.02)
+    page.click("#follow")  # the camera stays, the robot goes
+    assert size() == pytest.approx(last, rel=0.02)
+    assert size(0.0) == 0
+    # While it plays as well.
+    page.click("#follow")
+    page.evaluate("robodyn.play()")
+    until(lambda: time(page) > 1.0)
+    page.evaluate("robodyn.pause()")
+    assert size() > 0.01
+
+
+def test_a_robot_that_stays_is_not_followed(open_page, run):
+    page = open_page(run.mechanism, **run.arguments)
+    assert not page.is_visible("#follow")
+
+
+def test_what_the_hand_turned_stays_turned_while_the_picture_goes_along(open_page, fall):
+    mechanism, arguments = fall
+    page = open_page(mechanism, **arguments)
+    drawn(page)
+    before = picture(page)[60:400]
+    page.mouse.move(320, 200)
+    for _ in range(3):
+        page.mouse.wheel(0, 400)  # further away
+    drawn(page)
+    smaller = share_of(ORANGE, picture(page)[60:400])
+    assert smaller < 0.8 * share_of(ORANGE, before)
+    page.evaluate("robodyn.setTime(2)")
+    page.evaluate("robodyn.setTime(0)")
+    drawn(page)
+    assert share_of(ORANGE, picture(page)[60:400]) == pytest.approx(smaller, rel=0.02)
+
+
 def test_controls_fit_a_phone(open_page, run):
     page = open_page(run.mechanism, **run.arguments)
     page.set_viewport_size({"width": 360, "height": 640})
