@@ -5,6 +5,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -76,7 +77,8 @@ class Run:
             places[name], end = end, end + -(-math.prod(shape) // 8) * 8
         memory = _aligned((end,))
         views = {name: memory[places[name] : places[name] + math.prod(shape)].reshape(shape) for name, shape in shapes.items()}
-        self._header, self._x, self.k, self._held, self._out = views.values()
+        header, self._x, self.k, self._held, self._out = views.values()
+        self._header: Any = header.data  # looked at in every sample: a memoryview is faster than an array
         self._x[:] = x0
         for name, value in (("t", t0), ("t0", t0), ("t_end", t0), ("rtol", settings["rtol"]), ("atol", settings["atol"])):
             self._put(name, value)
@@ -90,7 +92,7 @@ class Run:
             self._put("next", self._number("next") + 1)
 
     def _number(self, name: str) -> float:
-        return float(self._header[_PLACE[name]])
+        return self._header[_PLACE[name]]
 
     def _put(self, name: str, value: float) -> None:
         self._header[_PLACE[name]] = value

@@ -215,12 +215,12 @@ class Integration:
                 run.head_for(end, h=h, held=self.sampling.held)
                 status = None
                 while status != DONE:
-                    before = run.t
+                    before = self.reached
                     status = run.step() if wanted is None else run.slice()
-                    if wanted is None and run.t > before:
-                        self.keep(run.t, run.x[:, 0].copy())
-                    self.reached = run.t
-                    report((run.t - self.t0) / (self.t_end - self.t0))
+                    self.reached = t = run.t
+                    if wanted is None and t > before:
+                        self.keep(t, run.x[:, 0].copy())
+                    report((t - self.t0) / (self.t_end - self.t0))
                     if status in (STEP_TOO_SMALL, NOT_FINITE):
                         raise SimulationError(self._cause(run, end, status))
         finally:
