@@ -361,6 +361,16 @@ def test_a_period_below_the_resolution_of_time():
         rd.simulate(rd.Scene(slide(), loads=[rd.Sampled(lambda t, q, v: v, 1e-9)]), t0=1e7, t_end=1e7 + 1)
 
 
+def test_finite_forces_of_any_size_are_forces():
+    """Their sum is beyond float64, they are not; and an infinity is found beside one of the other sign."""
+    robot = rd.random_robot(np.random.default_rng(2), 2, joint_types=("prismatic",))
+    most = np.finfo(float).max
+    tau = rd.Sampled(lambda t, q, v: [most, most], 0.1).forces(robot, 0.0, np.zeros(2), np.zeros(2))
+    assert tau.tolist() == [most, most]
+    with pytest.raises(rd.InputError, match=r"returned inf for 'joint_1' at t=0 s"):
+        rd.Sampled(lambda t, q, v: [np.inf, -np.inf], 0.1).forces(robot, 0.0, np.zeros(2), np.zeros(2))
+
+
 class Broken(Exception):
     pass
 

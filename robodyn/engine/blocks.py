@@ -18,7 +18,9 @@ if TYPE_CHECKING:
 NAME = "evaluate"  # of the part that `run` calls
 WRITTEN_OUT = 600  # inputs and outputs up to which the code that moves them is written out
 ON_STACK = 4000  # slots up to which they are on the stack
+AHEAD = 0.5, 0.95  # the part of a block's instructions during which the lines that staged rows go to are fetched
 STAGED = 1024  # bytes of an output's row from which rows are put together elsewhere first: cache lines would come and go in parts
+LINE = 64  # bytes of a cache line
 SUMS = 4  # of what must be finite: a single one would be a chain as long as all inputs and outputs
 
 Rows = dict[str, list[str]]  # the addresses of a block's rows, by the name of the input or output
@@ -45,7 +47,7 @@ def module(program: "Program | Looped", lanes: int, scalar: str = "double") -> s
     arguments += [f"ptr noalias %out{k}" for k in range(len(program.outputs))]
     head = f"define i64 @run({', '.join(arguments)}, i64 %count) nounwind {t.frame}"
     lines = [*emit.prologue(t, program), *rows.declarations(t), "declare ptr @malloc(i64)", "declare void @free(ptr)"]
-    lines.append("declare void @llvm.memcpy.p0.p0.i64(ptr, ptr, i64, i1)")
+    lines += ["declare void @llvm.memcpy.p0.p0.i64(ptr, ptr, i64, i1)", "declare void @llvm.prefetch.p0(ptr, i32, i32, i32)"]
     return "\n".join([*lines, "declare i64 @llvm.smin.i64(i64, i64)", *definitions, *c.function(head)]) + "\n"
 
 
@@ -112,7 +114,7 @@ def _run(c: Code, t: Type, program: "Program | Looped", body: Callable[[Rows, Ro
 
 def _straight(c: Code, t: Type, program: Program, constants: Constants, ins: Rows, outs: Rows, checks: _Checks) -> None:
     L, columns = t.lanes, {}
-    outs, finish = _staged(c, t, program, outs)
+    outs, fetch, finish = _staged(c, t, program, outs)
 
     def gather(name: str, start: int) -> None:
         pointers = [c.at(t.scalar, pointer, start) for pointer in ins[name]]
@@ -145,6 +147,7 @@ def _straight(c: Code, t: Type, program: Program, constants: Constants, ins: Row
     guards = dict.fromkeys(program.guards)
 
     def done(i: int) -> None:
+        fetch(i)
         if i in guards:
             checks.positive(operand(i))
         for group in waiting.pop(i, ()):
@@ -163,19 +166,30 @@ def _straight(c: Code, t: Type, program: Program, constants: Constants, ins: Row
     finish()
 
 
-def _staged(c: Code, t: Type, program: Program, outs: Rows) -> tuple[Rows, Callable[[], None]]:
-    """Where to scatter a block's rows, and what then copies those that are not in their place yet: they follow each other without gaps."""
-    sizes = {name: len(values) * t.bytes for name, values in program.outputs.items()}
-    staged = {name: f"%{name}.rows" for name, size in sizes.items() if t.lanes > 1 and size >= STAGED}
-    c.allocations += [f"  {at} = alloca i8, i64 {t.lanes * sizes[name]}, align 64" for name, at in staged.items()]
-    here = {name: [c.at("i8", at, i * sizes[name]) for i in range(t.lanes)] for name, at in staged.items()}
+def _staged(c: Code, t: Type, program: Program, outs: Rows) -> tuple[Rows, Callable[[int], None], Callable[[], None]]:
+    """Where to scatter a block's rows; what fetches, at instruction i, lines that some go to later; and what then copies those there.
+
+    A block's rows follow each other without gaps.
+    """
+    sizes = {name: t.lanes * t.bytes * len(values) for name, values in program.outputs.items()}
+    staged = {name: f"%{name}.rows" for name, size in sizes.items() if t.lanes > 1 and size >= STAGED * t.lanes}
+    c.allocations += [f"  {at} = alloca i8, i64 {sizes[name]}, align {LINE}" for name, at in staged.items()]
+    here = {name: [c.at("i8", at, i * sizes[name] // t.lanes) for i in range(t.lanes)] for name, at in staged.items()}
+    lines = [(outs[name][0], offset) for name in staged for offset in range(0, sizes[name], LINE)]
+    first, last = (int(part * len(program.instructions)) for part in AHEAD)
+    due = [(first + (last - first) * k // len(lines), line) for k, line in enumerate(lines)]
+
+    def fetch(i: int) -> None:
+        while due and due[0][0] <= i:
+            _, (pointer, offset) = due.pop(0)
+            c.add(f"call void @llvm.prefetch.p0(ptr {c.at('i8', pointer, offset)}, i32 0, i32 2, i32 1)")
 
     def finish() -> None:
         for name, at in staged.items():
-            there, size = outs[name][0], t.lanes * sizes[name]
-            c.add(f"call void @llvm.memcpy.p0.p0.i64(ptr align {t.bytes} {there}, ptr align 64 {at}, i64 {size}, i1 false)")
+            arguments = f"ptr align {t.bytes} {outs[name][0]}, ptr align {LINE} {at}, i64 {sizes[name]}, i1 false"
+            c.add(f"call void @llvm.memcpy.p0.p0.i64({arguments})")
 
-    return outs | here, finish
+    return outs | here, fetch, finish
 
 
 # --- in several pieces, or with loops: columns are in slots ---

@@ -24,17 +24,18 @@ def link_wrenches(load: Load, state: State) -> dict[int, Array]:
     return _checked(load, load.link_wrenches, state, "link", names, [6] * len(names))
 
 
-def law_forces(answer: object, mechanism: Mechanism, law: str, when: str = "") -> Array:
+def law_forces(answer: object, mechanism: Mechanism, law: str, t: float | None = None) -> Array:
     """The answer of a control law as an array (nv,), float64 or of symbols; InputError where it is none. law: what the user calls it."""
-    remedy = "it must be an array ({},) of real numbers"
     try:
         tau = _real(answer)
+        if tau.shape != (mechanism.nv,):
+            raise _NotReal(f"an array of shape {tau.shape}")
     except _NotReal as error:
         k, names = error.index, mechanism.coordinate_names()[1]
         where = f" for {names[k[0]][0]!r}" if k is not None and len(k) == 1 and k[0] < len(names) else ""
-        raise InputError(f"the {law} returned {error}{where}{when}: {remedy.format(mechanism.nv)}{error.remedy}") from None
-    if tau.shape != (mechanism.nv,):
-        raise InputError(f"the {law} returned an array of shape {tau.shape}{when}: {remedy.format(mechanism.nv)}")
+        when = "" if t is None else f" at t={t:.9g} s"
+        must = f"it must be an array ({mechanism.nv},) of real numbers{error.remedy}"
+        raise InputError(f"the {law} returned {error}{where}{when}: {must}") from None
     return tau
 
 

@@ -71,5 +71,5 @@ class ControlLaw(Load):
                 answer = self.law(float(t[i]), q[i].copy(), v[i].copy())
             except (TypeError, ValueError, ZeroDivisionError, np.linalg.LinAlgError) as error:
                 raise InputError(f"the control law raised {type(error).__name__} at t={float(t[i])}: {error}") from error
-            tau[i] = law_forces(answer, state.mechanism, "control law", f" at t={float(t[i]):.9g} s")
+            tau[i] = law_forces(answer, state.mechanism, "control law", float(t[i]))
         return {i: tau[..., state.mechanism.v_slices[i]] for i in state.mechanism.owners}

@@ -1,5 +1,6 @@
 """A digital controller: joint forces that are computed once per period and held in between."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -37,9 +38,10 @@ class Sampled(Load):
 
     def forces(self, mechanism: Mechanism, t: float, q: Array, v: Array) -> Array:
         """What the law answers (nv,). InputError where that is no finite array of this shape; what the law itself raises, passes."""
-        tau = law_forces(self.law(t, np.array(q), np.array(v)), mechanism, "sampled control law", f" at t={t:.9g} s")
+        tau = law_forces(self.law(t, q.copy(), v.copy()), mechanism, "sampled control law", t)
         tau = np.array(tau, dtype=float)  # a copy: the law may go on to use its own
-        if not np.isfinite(tau).all():
+        # The sum is a cheap question; where it is not finite, the entries are asked.
+        if not math.isfinite(sum(tau.tolist())) and not np.isfinite(tau).all():
             k = int(np.argmin(np.isfinite(tau)))
             name = mechanism.coordinate_names()[1][k][0]
             raise InputError(f"the sampled control law returned {tau[k]} for {name!r} at t={t:.9g} s: every force must be finite")

@@ -232,7 +232,7 @@ class Integration:
                 run.head_for(end, held=self.sampling.held)
                 status = None
                 while status != DONE:
-                    before = run.t
+                    before = self.reached
                     status = run.step() if wanted is None else run.slice()
                     if wanted is None and run.t > before:
                         self.keep(run.t, run.x[:, 0].copy())

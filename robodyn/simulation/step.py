@@ -1,5 +1,6 @@
 """What every integrator in Python yields: one accepted step at a time, with the states in between on demand."""
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
@@ -30,7 +31,7 @@ def resolution(t0: float, t_end: float) -> float:
 
 def step_count(t0: float, t_end: float, dt: float) -> int:
     """How many equal steps of at most dt the time span takes; a span that dt divides up to rounding takes no extra one."""
-    return max(1, int(np.ceil((t_end - t0 - resolution(t0, t_end)) / dt * (1 - 1e-12))))
+    return max(1, math.ceil((t_end - t0 - resolution(t0, t_end)) / dt * (1 - 1e-12)))
 
 
 def equal_steps(t0: float, t_end: float, dt: float) -> Iterator[tuple[float, float, float]]:
