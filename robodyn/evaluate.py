@@ -48,7 +48,7 @@ class Evaluator:
         self._kernels: dict[tuple[Question, np.dtype], Kernel] = {}
         self.step_loops: dict[tuple, Any] = {}  # compiled integrators, by what `simulation.native` compiles them for
         self._spare: dict[Question, Program | Looped] = {}
-        self._lock = threading.Lock()
+        self._lock, self._hastening = threading.Lock(), threading.Lock()
 
     def views(self, backend: str = "numpy") -> Views:
         """The equations of a backend."""
@@ -187,8 +187,10 @@ class Evaluator:
             kernel = self.kernel(question)
         except ZeroDivisionError:  # a pivot is zero whatever the state: the method itself says which
             return
-        function, kept = fastcall.bind(kernel, arrays, MethodType(getattr(type(owner), name), owner), optional=optional)
-        owner.__dict__.update({name: function, f"_kept_for_{name}": kept})
+        with self._hastening:
+            if name not in owner.__dict__:  # another thread may have been first: what it put there may be running already
+                function, kept = fastcall.bind(kernel, arrays, MethodType(getattr(type(owner), name), owner), optional=optional)
+                owner.__dict__.update({f"_kept_for_{name}": kept, name: function})
 
     # --- kernels ---
 

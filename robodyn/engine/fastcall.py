@@ -65,6 +65,7 @@ def bind(kernel: Kernel, arrays: Sequence[str], fallback: Callable[..., Any], *,
     """
     loaded = load(module(kernel.program, tuple(arrays), optional))
     table = (ctypes.c_void_p * len(TABLE)).from_address(loaded.address("table"))
+    table.owner = loaded  # type: ignore[attr-defined]  # whoever writes into it keeps it
     values = {
         "ndarray": id(np.ndarray),
         "float64": id(np.dtype(float)),

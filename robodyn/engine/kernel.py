@@ -71,9 +71,10 @@ class Kernel:
 
     def on_code(self, listener: Callable[[int, Any], None]) -> None:
         """Be told of each machine function and its lanes: now, or as soon as it is there."""
-        self._listeners.append(listener)
-        for width, function in self._functions.items():
-            listener(width, function)
+        with self._lock:
+            self._listeners.append(listener)
+            for width, function in self._functions.items():
+                listener(width, function)
 
     def _compiled(self, width: int) -> Any:
         with self._lock:
