@@ -15,7 +15,7 @@ from robodyn.engine import emit, integrate, kernel as kernels
 from robodyn.engine.sweeps import Looped
 from robodyn.joints import JOINT_TYPES, Fixed
 from robodyn.model import GROUND, Inertia, Joint, Link, Mimic
-from robodyn.questions import ForwardDynamics, JointReactions
+from robodyn.questions import Energies, Evolution, ForwardDynamics, JointReactions
 from robodyn.report.timing import fresh
 from robodyn.simulation.methods import METHODS
 
@@ -210,6 +210,18 @@ def test_loads_on_a_big_robot(big, loaded):
         assert error(loaded.reactions(q, v, tau, **shown).array, expected.array) < tolerance
     native, reference = (loaded.potential_energy(q, backend=b) for b in ("native", "numpy"))
     assert abs(native - reference) < C * EPS * abs(q).max() ** 2 * 60 * big.robot.nv  # springs of up to 60 N m/rad add to it
+
+
+def test_the_power_of_loads_on_a_big_robot(big, loaded):
+    """Springs have none: their work is in the potential energy."""
+    state = {"q": big.q, "v": big.v, "tau": big.tau}
+    found, exact = (loaded.evaluator.ask(Evolution("recursive"), backend, **state)["power"] for backend in ("native", "mpmath"))
+    bare = rd.Scene(big.robot, loads=[load for load in loaded.loads if not load.conservative])
+    assert abs(bare.evaluator.ask(Evolution("recursive"), **state)["power"] - found) < C * EPS * abs(exact)
+    rates = loaded.evaluator.ask(Evolution("recursive"), "numpy", **state | {"tau": 0 * big.tau})["power"]
+    terms = abs(big.tau * big.v).sum() + abs(exact) + abs(rates)
+    assert abs(found - exact) < C * EPS * terms
+    assert abs(found - rates - big.tau @ big.v) < C * EPS * terms
 
 
 def test_a_control_law_on_a_big_robot(big):
@@ -447,6 +459,12 @@ def test_code_is_the_same_for_a_hundred_and_a_thousand_joints():
         yield emit.module(evaluator.kernel(JointReactions("auto", "world", "total", tuple(range(n)))).program, 1)
         bare = rd.Scene(robot).evaluator
         yield integrate.module(METHODS["rk4"].tableau(), bare.evolution("auto"), bare.projection(), 1)
+        table = {name: 0.1 + 0.0103 * i for i, name in enumerate(robot.joint_names)}  # none, nor half of one, folds away
+        loads = [load(table) for load in (rd.JointDamping, rd.JointFriction, rd.JointSpring, rd.JointForce)]
+        law = rd.ControlLaw(lambda t, q, v: np.where(q > 0.1, -v, np.tanh(v)) * np.cos(t) - 0.1 * q[3] * v)
+        driven = rd.Scene(robot, loads=[*loads, law]).evaluator
+        yield integrate.module(METHODS["rk4"].tableau(), driven.evolution("auto"), driven.projection(), 1)
+        yield emit.module(driven.kernel(Energies()).program, 8)
 
     for small, large in zip(texts(104), texts(1000), strict=True):
         a, b = small.splitlines(), large.splitlines()

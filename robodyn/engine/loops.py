@@ -11,7 +11,7 @@ from .code import Code
 from .emit import RUN, Part, gathered, instructions, prologue, scattered
 from .functions import Type
 from .program import Program
-from .sweeps import FIXED_COLUMNS, Fill, Loop, Looped, Straight
+from .sweeps import ADDED, FIXED_COLUMNS, Fill, Loop, Looped, Straight
 
 OWN, UP, PARAM, KIND = range(len(FIXED_COLUMNS))
 STRAIGHT = 400  # instructions in one function between loops: they read and write memory all over, which costs LLVM more than linear time
@@ -93,7 +93,7 @@ class LoopedPart:
         stores += [(("own", offset), t.constant(0.0)) for offset in loop.clears]
         for n, ((base, offset), value) in enumerate(stores):
             where = address(base, offset)
-            if base in ("up", "slot"):
+            if base in ADDED:
                 lines.append(f"  %old{n} = load {F}, ptr {where}")
                 lines.append(f"  %new{n} = fadd {F} %old{n}, {value}")
                 value = f"%new{n}"
