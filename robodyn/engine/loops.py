@@ -15,6 +15,7 @@ from .sweeps import ADDED, FIXED_COLUMNS, Fill, Loop, Looped, Straight
 
 OWN, UP, PARAM, KIND = range(len(FIXED_COLUMNS))
 STRAIGHT = 400  # instructions in one function between loops: they read and write memory all over, which costs LLVM more than linear time
+INLINED = 2  # kinds up to which steps become part of the driver's loop: one function of many costs LLVM more than linear time
 TRUSTED = ("trusted",)  # the slot of 1, or of −1 where a check failed
 
 
@@ -44,14 +45,14 @@ class LoopedPart:
             if isinstance(item, Loop):
                 for kind, step in enumerate(item.steps):
                     if step or item.clears:
-                        yield from self._step(f"{self.name}{n}.{kind}", item, step)
+                        yield from self._step(f"{self.name}{n}.{kind}", item, step, "" if len(item.steps) <= INLINED else "noinline ")
         yield from self._evaluate()
 
     def calls(self, slots: str) -> list[str]:
         """The lines that evaluate the program on slots whose inputs are set."""
         return [f"  call void @{self.name}(ptr {slots})"]
 
-    def _step(self, name: str, loop: Loop, step: tuple[Program, tuple[tuple[str, int], ...]] | None) -> Iterator[str]:
+    def _step(self, name: str, loop: Loop, step: tuple[Program, tuple[tuple[str, int], ...]] | None, how: str) -> Iterator[str]:
         """void @name(slots, row, parameters): one node."""
         t, F, lines, bases = self._t, self._t.float, [], {}
         columns = (*FIXED_COLUMNS, *self.program.columns[loop.forest])
@@ -98,7 +99,8 @@ class LoopedPart:
                 lines.append(f"  %new{n} = fadd {F} %old{n}, {value}")
                 value = f"%new{n}"
             lines.append(f"  store {F} {value}, ptr {where}")
-        yield f"define internal void @{name}(ptr noalias %slots, ptr noalias readonly %row, ptr noalias readonly %parameters) nounwind {{"
+        arguments = "ptr noalias %slots, ptr noalias readonly %row, ptr noalias readonly %parameters"
+        yield f"define internal void @{name}({arguments}) {how}nounwind {{"
         yield from lines
         yield "  ret void"
         yield "}"
