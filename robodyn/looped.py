@@ -15,7 +15,7 @@ import numpy as np
 
 from .arithmetic import Array
 from .engine.graph import Graph, Scalar
-from .engine.sweeps import Forest, Recorder, Records, objects
+from .engine.sweeps import SUM, Forest, Recorder, Records, objects
 from .equations import Equations, Views
 from .model import Body, Field, Inertia, Tree
 
@@ -30,7 +30,7 @@ class LoopedTree(Tree):
 
     @classmethod
     def of(cls, tree: Tree, recorder: Recorder) -> "LoopedTree":
-        """The looped form of a tree without mimic joints."""
+        """The looped form of a tree."""
         return cls(**{f.name: getattr(tree, f.name) for f in fields(Tree)}, recorder=recorder)
 
     @cached_property
@@ -97,7 +97,8 @@ class LoopedTree(Tree):
         return self._same(lambda body: [("vector", region, 0, self._column(6), k) for k in range(6)])
 
     def gathered(self, parts: Field) -> Array:
-        return self.recorder.gathered(parts, "v", self.nv)
+        column = self.recorder.column(self._forest, SUM, self.recorder.forests[self._forest].columns["v"]) if self.has_mimic else "v"
+        return self.recorder.gathered(parts, column, self.nv)
 
     def coordinates(self, parts: Field) -> Array:
         return self.recorder.gathered(parts, "q", self.nq)
@@ -193,9 +194,17 @@ def _joint_constants(body: Body) -> list[float]:
 
 
 def _constants(body: Body) -> Array:
-    """The numbers that make a body: its joint's, its place, its inertia."""
+    """The numbers that make a body: its joint's, its place, its inertia, how it follows a leader."""
     inertia = body.inertia
-    parts = [_joint_constants(body), body.rotation.ravel(), body.translation, [inertia.mass], inertia.moment, inertia.tensor[_UPPER]]
+    parts = [
+        _joint_constants(body),
+        body.rotation.ravel(),
+        body.translation,
+        [inertia.mass],
+        inertia.moment,
+        inertia.tensor[_UPPER],
+        [body.ratio, body.offset],
+    ]
     return np.concatenate([np.asarray(x, dtype=float) for x in parts])
 
 
@@ -210,7 +219,10 @@ def _with_constants(body: Body, values: list[float | Scalar]) -> Body:
 
     joint = replace(body.joint, **{f.name: take(np.shape(getattr(body.joint, f.name))) for f in fields(body.joint)})
     rotation, translation, (mass,), moment, upper = take((3, 3)), take((3,)), take((1,)), take((3,)), take((6,))
+    ratio, offset = take((2,))
     tensor = np.empty((3, 3), dtype=object)
     tensor[_UPPER] = upper
     tensor.T[_UPPER] = upper
-    return replace(body, joint=joint, rotation=rotation, translation=translation, inertia=Inertia(mass, moment, tensor))
+    return replace(
+        body, joint=joint, rotation=rotation, translation=translation, inertia=Inertia(mass, moment, tensor), ratio=ratio, offset=offset
+    )

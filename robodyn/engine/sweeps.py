@@ -9,6 +9,7 @@ the number of nodes, and what no output needs is neither computed nor stored. Th
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -407,10 +408,14 @@ class Recorder:
         return rebuild(list(self._entries(region)))
 
     def gathered(self, records: Records, column: str, size: int) -> Array:
-        """The numbers of all nodes as one vector (size,), each node's at its offset."""
+        """The numbers of all nodes as one vector (size,), each node's at its offset; their sums where the column is `SUM`."""
         region, forest = self._region(size), records.forest
         keys = [p[1] if isinstance(p, tuple) and p[0] == "own" else None for places in records.places for p in places]
-        if all(key and key[0] == "kept" and (forest, key) not in self._moved for key in keys) and len(set(keys)) == len(keys):
+        if (
+            column != SUM
+            and all(key and key[0] == "kept" and (forest, key) not in self._moved for key in keys)
+            and len(set(keys)) == len(keys)
+        ):
             for places in records.places:  # they live there from the start
                 self._moved.update({(forest, p[1]): (region, column, k) for k, p in enumerate(places)})
         else:
@@ -419,7 +424,7 @@ class Recorder:
                 graph = Graph()
                 numbers = flatten(records.inner(kind, graph))[0]
                 stores.append([(("vector", region, 0, column, k), graph.lift(x)) for k, x in enumerate(numbers)])
-            self._items.append(_Sweep(forest, False, stores, {}))
+            self._items += [_Zero(region)] * (column == SUM) + [_Sweep(forest, False, stores, {})]
         return self._entries(region)
 
     # --- the end ---
@@ -521,7 +526,7 @@ class Looped:
         """Floating-point operations of one evaluation, counted as for a `Program`."""
         return self._weighed(lambda p: p.operations)
 
-    @property
+    @cached_property
     def length(self) -> int:
         """Instructions of one evaluation."""
         return self._weighed(lambda p: p.length)

@@ -81,7 +81,7 @@ def simulate(
     inputs.unit_quaternions(scene.equations().side_conditions(state["q0"]))
     x0 = np.concatenate([scene.equations().project(state["q0"]), state["v0"], [0.0]])
     integration = _Integration(scene, t0, t_end, x0, method, formalism, {"rtol": rtol, "atol": atol, "dt": dt})
-    in_native_code = backend == "native" and METHODS[method].tableau is not None and scene.evaluator.compiles(formalism)
+    in_native_code = backend == "native" and METHODS[method].tableau is not None and scene.evaluator.compiles_steps(formalism)
     if not in_native_code or integration.start is None:
         scene.evaluator.ask(Result(formalism), "numpy", t=t0, q=state["q0"], v=state["v0"], tau=None)
 

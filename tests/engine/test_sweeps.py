@@ -14,7 +14,7 @@ import pytest
 from robodyn.arithmetic import cos, sin
 from robodyn.engine import emit, kernel as kernels
 from robodyn.engine.kernel import Kernel
-from robodyn.engine.sweeps import MANY, Fill, Forest, Loop, Recorder, Records, Straight, objects
+from robodyn.engine.sweeps import MANY, SUM, Fill, Forest, Loop, Recorder, Records, Straight, objects
 
 SIZES = (1, 2, 0)  # numbers that a node of each kind has in a vector
 
@@ -133,6 +133,18 @@ def loops(program):
 def flat(records):
     """The same records as vectors."""
     return replace(records, rebuild=[objects] * len(records.rebuild))
+
+
+def test_where_nodes_share_an_entry_their_numbers_are_added():
+    wood, rng = Wood(20, 50), np.random.default_rng(20)
+    wood.recorder.inputs("x", (wood.size,))
+    shared = rng.integers(7, size=50)  # two numbers of each node go to entries 2k and 2k + 1
+    kept = wood.outward(lambda kind, p, comes: ((comes[0] + p[0],), objects([comes[0], p[1]])), (1.0,))
+    column = wood.recorder.column(wood.forest, SUM, 2 * shared)
+    found = wood.evaluated({"out": wood.recorder.gathered(kept, column, 14)}, {"x": integers(rng, 3, wood.size)})["out"]
+    expected = np.zeros((7, 2))
+    np.add.at(expected, shared, [*wood.grown(lambda kind, p, comes: ((comes[0] + p[0],), [comes[0], p[1]]), (1.0,))])
+    assert np.array_equal(found, np.tile(expected.ravel(), (3, 1)))
 
 
 def test_entries_that_only_look_alike_at_first_are_not_merged():
