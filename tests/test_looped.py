@@ -607,6 +607,11 @@ def test_a_big_robot_with_mimic_joints_is_simulated(gang, method):
         x, y = (getattr(run, name) for run in runs)
         # Roundings of the accelerations, κ times eps of the largest.
         assert np.allclose(x, y, rtol=0, atol=C * condition(robot, q) * EPS * max(1.0, abs(runs[1].a).max())), name
+    if method != "dop853":
+        many = rd.simulate_many(scene, **{k: x for k, x in options.items() if k not in ("q0", "rtol")}, q0=np.stack([q, q]))
+        for name in ("q", "v", "work"):
+            assert np.array_equal(getattr(many, name)[1], getattr(runs[0], name))
+        assert np.array_equal(many.t, runs[0].t)
     assert error(runs[0].reactions(joints=["joint_7"]).array, runs[1].reactions(joints=["joint_7"]).array) < 1e-9
 
 
@@ -636,6 +641,8 @@ def test_what_is_refused_with_mimic_joints(gang):
             ask(spoilt, v, tau)
     with pytest.raises(rd.ModelError, match="not finite"):
         robot.forward_dynamics(q, v + 1e200, tau)
+    with pytest.raises(rd.SimulationError, match=r"trajectory 1: .+ q0\[1\]"):
+        rd.simulate_many(robot, t_end=2e-3, q0=q, v0=np.stack([v, 1e155 * v]))
     nothing = Inertia.about_centre(0.0, np.zeros(3), np.zeros((3, 3)))
     chain = rd.random_robot(np.random.default_rng(4), 80, branching=0.0, joint_types=("revolute",))
     joints = [*chain.joints[:5], replace(chain.joints[5], mimic=Mimic(3)), *chain.joints[6:]]
