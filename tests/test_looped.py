@@ -416,6 +416,26 @@ def test_pinocchio_on_a_hundred_joints():
     assert error(found.array, expected) < C * EPS
 
 
+def test_pinocchio_on_a_hundred_joints_of_which_some_follow_others():
+    """Pinocchio moves every joint freely: v̇_free = G η̇ with one column of G per coordinate makes its M and its forces ours."""
+    pin = pytest.importorskip("pinocchio", reason="the oracle needs pin: pip install '.[test]'")
+    from robodyn.report.peers.pinocchio import chain_model
+
+    free = rd.random_robot(np.random.default_rng(8), 100, branching=0.3, joint_types=("revolute",))
+    robot = coupled(free, 39)
+    model, (q, v, tau, a) = chain_model(free), state_of(robot, 39)
+    data, moving = model.createData(), robot.joints[1:]
+    G, offsets = np.zeros((100, robot.nv)), np.array([joint.mimic.offset if joint.mimic else 0.0 for joint in moving])
+    for row, joint in enumerate(moving):
+        G[row, robot.v_slices[row + 1]] = joint.mimic.ratio if joint.mimic else 1.0
+    M = pin.crba(model, data, G @ q + offsets)
+    M = G.T @ (np.triu(M) + np.triu(M, 1).T) @ G
+    assert error(robot.mass_matrix(q), M) < C * EPS
+    assert error(robot.inverse_dynamics(q, v, a), G.T @ pin.rnea(model, data, G @ q + offsets, G @ v, G @ a)) < C * EPS
+    expected = np.linalg.solve(M, tau - G.T @ pin.rnea(model, data, G @ q + offsets, G @ v, 0.0 * (G @ v)))
+    assert error(robot.forward_dynamics(q, v, tau), expected) < 2 * C * np.linalg.cond(M) * EPS  # two that round, against each other
+
+
 N = 10_000
 
 
