@@ -55,20 +55,17 @@ class Equations:
         """The loads at a state, and tau (..., nv) at the joints that own the coordinates."""
         mechanism, state = self.mechanism, State(self.mechanism, self.tree, t, q, v)
         batch = np.broadcast_shapes(np.shape(t), q.shape[:-1], v.shape[:-1], tau.shape[:-1])
-        u = zeros((*batch, mechanism.nu), dtype_of(q, v, tau))
-        power = zeros(batch, u.dtype)
-        for i in mechanism.owners:
-            u[..., mechanism.u_slices[i]] = tau[..., mechanism.v_slices[i]]
-            power = power + dot(tau[..., mechanism.v_slices[i]], state.velocity(i))
-
+        forces = {kind: zeros((*batch, mechanism.nu), dtype_of(q, v, tau)) for kind in (False, True)}  # conservative or not
+        forces[False][..., mechanism.owned] = tau
+        power = zeros(batch, forces[False].dtype)
         for load in self.loads:
             for i, force in joint_forces(load, state).items():
-                u[..., mechanism.u_slices[i]] += force
-                if not load.conservative:
-                    power = power + dot(force, state.velocity(i))
+                forces[load.conservative][..., mechanism.u_slices[i]] += force
             for link, wrench in link_wrenches(load, state).items():
                 if not load.conservative:
                     power = power + dot(wrench, state.twist(link))
+        power = power + dot(forces[False], state.velocities)
+        u = forces[False] + forces[True]
         return Applied(u, self._coordinate_forces(u), self.wrenches(t, q, v), power)
 
     def wrenches(self, t: Array | float, q: Array, v: Array) -> dict[int, Array]:
@@ -84,12 +81,10 @@ class Equations:
 
     def _coordinate_forces(self, u: Array) -> Array:
         mechanism = self.mechanism
-        if mechanism.nu == mechanism.nv:
-            return u
-        tau = zeros((*u.shape[:-1], mechanism.nv), u.dtype)
+        tau = u[..., mechanism.owned]
         for i, joint in enumerate(mechanism.joints):
-            ratio = joint.mimic.ratio if joint.mimic else 1.0
-            tau[..., mechanism.v_slices[i]] += ratio * u[..., mechanism.u_slices[i]]
+            if joint.mimic:
+                tau[..., mechanism.v_slices[i]] += joint.mimic.ratio * u[..., mechanism.u_slices[i]]
         return tau
 
     # --- how it moves ---

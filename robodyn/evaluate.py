@@ -23,14 +23,18 @@ from .engine.program import Program, program
 from .engine.sweeps import Looped, Recorder
 from .equations import SADDLES, SWEEPS, Views
 from .errors import InputError, ModelError
+from .formalism.ldl import solve_dense
+from .formalism.solution import Solution
 from .loads import Load, State
 from .looped import LoopedViews
 from .model import Mechanism
-from .questions import Answer, Evolution, ForwardDynamics, InverseDynamics, JointReactions, MassMatrix, Question
+from .questions import Answer, Balance, Evolution, ForwardDynamics, JointReactions, KnownReactions, MassMatrix, Question, Result
 from .trust import refuse_impossible, refuse_infinite, refuse_infinite_loads, refuse_massless, refuse_undetermined, smallest_pivots
 
 UNROLLED = 50  # moving bodies and freedoms up to which a kernel is straight-line code: beyond, that takes seconds to compile
-WRITTEN_OUT = 100  # up to which what has no loops (mimic joints, "nonrecursive") is compiled all the same; beyond, NumPy answers
+WRITTEN_OUT = 100  # up to which "nonrecursive", which has no loops, is compiled all the same; beyond, NumPy answers
+NUMBERS = 2**21  # entries of the mass matrices that are held at a time
+BESIDE = {ForwardDynamics: (), Evolution: ("qdot", "power"), Result: ("u",), JointReactions: ("u",)}  # what they need beside η̇
 BACKENDS = ("native", "numpy", "mpmath")
 DEFAULT = "native" if find_spec("llvmlite") else "numpy"
 
@@ -72,13 +76,18 @@ class Evaluator:
         inputs.choice("backend", backend, BACKENDS)
         precise = inputs.precision(dtype, backend)
         inputs.thread_count(threads)
-        natively = backend == "native" and self.compiles(getattr(question, "formalism", "auto"))
+        formalism = getattr(question, "formalism", None)
+        natively = backend == "native" and self.compiles(formalism)
         if natively and isinstance(question, MassMatrix) and self.loops:
             return self._written({"M": self._mass_matrix(threads=threads, dtype=precise, **arrays)}, out, arrays)
         if natively:
             answer = self._natively(question, t, threads, precise, out, arrays)
             if answer is not None:
                 return answer
+        if backend == "native" and formalism == "auto" and self.composes:
+            answer = self._composed(question, t, threads, precise, arrays)
+            if answer is not None:
+                return self._written(answer, out, arrays)
         # The readable reference; and what names the cause where a kernel found that something is wrong.
         answer = self._directly(question, "mpmath" if backend == "mpmath" else "numpy", t, arrays, precise)
         if natively and precise == np.float32:
@@ -128,10 +137,49 @@ class Evaluator:
 
     def _mass_matrix(self, q: object, threads: int | None, dtype: np.dtype) -> Array:
         """M̂ (..., nv, nv) of a robot of many bodies: what unit accelerations take at rest, without gravity and loads."""
-        x, units = inputs.checked(self.robot, {"q": q})["q"], np.eye(self.robot.nv)
+        x = inputs.checked(self.robot, {"q": q})["q"]
         inputs.unit_quaternions(self.views().lumped.side_conditions(x))
-        M = self._at_rest.ask(InverseDynamics(), q=x[..., None, :], v=None, a=units, threads=threads, dtype=dtype)["tau"]
+        return self._columns(x, threads, dtype)
+
+    def _columns(self, q: Array, threads: int | None, dtype: np.dtype = DOUBLE) -> Array:
+        balance, units = Balance(("residual",)), np.eye(self.robot.nv)
+        M = self._at_rest.ask(balance, q=q[..., None, :], v=None, a=-units, tau=None, threads=threads, dtype=dtype)["residual"]
         return np.triu(M) + np.swapaxes(np.triu(M, 1), -1, -2)
+
+    def _composed(
+        self, question: Question, t: Array | float, threads: int | None, dtype: np.dtype, arrays: Mapping[str, object]
+    ) -> dict[str, Array] | None:
+        """The answer from M̂ η̇ = k̂, both sides by kernels, solved by LAPACK; None where a pivot is not to be trusted."""
+        tree = self.views().lumped.tree
+        _ = self._possible
+        x = inputs.checked(self.robot, arrays)
+        if question.admissible:
+            inputs.unit_quaternions(self.views().lumped.side_conditions(x["q"]))
+        if dtype != DOUBLE:  # as `_directly`
+            x = {name: inputs.rounded(name, a, dtype).astype(float) for name, a in x.items()}
+        found = self.ask(Balance(("residual", *BESIDE[type(question)])), t=t, threads=threads, q=x["q"], v=x["v"], a=None, tau=x["tau"])
+        k = found.pop("residual")
+        q, b = x["q"].reshape(-1, self.robot.nq), k.reshape(-1, tree.nv)
+        step = max(1, NUMBERS // tree.nv**2)
+        try:
+            blocks = (slice(i, i + step) for i in range(0, max(1, len(b)), step))
+            parts = [solve_dense(self._columns(q[block], threads), b[block]) for block in blocks]
+        except np.linalg.LinAlgError:
+            return None
+        solution = Solution(*(np.concatenate(part).reshape(k.shape) for part in zip(*parts, strict=True)))
+        if not (solution.pivots > smallest_pivots(tree, solution, float(np.finfo(dtype).eps))).all():
+            return None
+        found["vdot"] = solution.vdot
+        if isinstance(question, JointReactions):
+            known = KnownReactions(question.frame, question.part, question.joints)
+            found = self.ask(known, t=t, threads=threads, q=x["q"], v=x["v"], a=solution.vdot, u=found["u"])
+        values = {name: found[name].astype(dtype, copy=False) for name in question.shapes(self.robot)}
+        return values if all(np.isfinite(a).all() for a in values.values()) else None
+
+    @cached_property
+    def _possible(self) -> bool:
+        refuse_impossible(self.robot, self.views().lumped.tree)
+        return True
 
     def _directly(
         self, question: Question, backend: str, t: Array | float, arrays: Mapping[str, object], dtype: np.dtype = DOUBLE
@@ -181,7 +229,9 @@ class Evaluator:
 
         arrays: the method's first arguments, of which the last `optional` may be left out; any other call goes to the method as before.
         """
-        if name in owner.__dict__ or DEFAULT != "native" or not fastcall.supported() or not self.compiles("auto"):
+        if name in owner.__dict__ or DEFAULT != "native" or not fastcall.supported():
+            return
+        if not self.compiles(getattr(question, "formalism", None)):
             return
         try:
             kernel = self.kernel(question)
@@ -239,19 +289,29 @@ class Evaluator:
 
     @cached_property
     def loops(self) -> bool:
-        """Whether kernels loop over the bodies: there are too many to write out, and none shares another's coordinate."""
+        """Whether kernels loop over the bodies: there are too many to write out."""
         tree = self.views().lumped.tree
-        return max(len(tree.bodies), tree.nv) > UNROLLED and not tree.has_mimic
+        return max(len(tree.bodies), tree.nv) > UNROLLED
 
-    def compiles(self, formalism: str) -> bool:
-        """Whether a kernel answers for this route: in loops, or written out where that compiles in reasonable time.
+    @cached_property
+    def composes(self) -> bool:
+        """Whether accelerations come from kernels of M̂ and k̂ instead of one of their own: no loop eliminates shared coordinates (mimic)."""
+        return self.loops and self.views().lumped.tree.has_mimic
+
+    def compiles(self, formalism: str | None) -> bool:
+        """Whether a kernel answers for this route: in loops, or written out where that compiles in reasonable time; None: needs no route.
 
         The saddle-point routes are oracles: they choose pivots, which no kernel can.
         """
-        if formalism in SADDLES:
+        if formalism in SADDLES or (formalism == "auto" and self.composes):
             return False
         tree = self.views().lumped.tree
-        return (self.loops and formalism != "nonrecursive") or max(len(tree.bodies), tree.nv) <= WRITTEN_OUT
+        looped = self.loops and (formalism is None or not (tree.has_mimic or formalism == "nonrecursive"))
+        return looped or max(len(tree.bodies), tree.nv) <= WRITTEN_OUT
+
+    def compiles_steps(self, formalism: str) -> bool:
+        """Whether an integrator's loop is compiled. Written out, it is worth a longer wait than the answer to a question."""
+        return self.compiles("nonrecursive" if formalism == "auto" and self.composes else formalism)
 
     def _symbolic(self, looped: bool) -> tuple[Graph | Recorder, Views]:
         """What records operations on symbols, and the equations to trace on it."""

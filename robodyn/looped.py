@@ -1,9 +1,11 @@
 """A tree whose sweeps are recorded: the formalism's step of one body is traced once per kind of body, and compiled into a loop.
 
 What `model.Tree` is for arrays, `LoopedTree` is for robots of more bodies than can be written out. Bodies are of one kind where their
-joints are of one type and their constants have zeros and ones in the same places; all other constants become parameters.
+joints are of one type and their constants have zeros and ones in the same places; all other constants become parameters. Of many kinds,
+the rarest join others.
 """
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
@@ -13,11 +15,11 @@ import numpy as np
 
 from .arithmetic import Array
 from .engine.graph import Graph, Scalar
-from .engine.sweeps import Forest, Recorder, Records, objects
+from .engine.sweeps import SUM, Forest, Recorder, Records, objects
 from .equations import Equations, Views
 from .model import Body, Field, Inertia, Tree
 
-KINDS = 4  # patterns of constants per joint type and axis up to which each has a step of its own
+KINDS = 8  # of a tree: beyond, those that are most alike share a step, as each takes some hundredths of a second to compile
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +30,7 @@ class LoopedTree(Tree):
 
     @classmethod
     def of(cls, tree: Tree, recorder: Recorder) -> "LoopedTree":
-        """The looped form of a tree without mimic joints."""
+        """The looped form of a tree."""
         return cls(**{f.name: getattr(tree, f.name) for f in fields(Tree)}, recorder=recorder)
 
     @cached_property
@@ -95,7 +97,8 @@ class LoopedTree(Tree):
         return self._same(lambda body: [("vector", region, 0, self._column(6), k) for k in range(6)])
 
     def gathered(self, parts: Field) -> Array:
-        return self.recorder.gathered(parts, "v", self.nv)
+        column = self.recorder.column(self._forest, SUM, self.recorder.forests[self._forest].columns["v"]) if self.has_mimic else "v"
+        return self.recorder.gathered(parts, column, self.nv)
 
     def coordinates(self, parts: Field) -> Array:
         return self.recorder.gathered(parts, "q", self.nq)
@@ -152,20 +155,35 @@ class _Kind:
 
 
 def _kinds(bodies: Sequence[Body]) -> list[_Kind]:
-    groups: dict[Any, dict[Any, list[int]]] = {}
-    for i, body in enumerate(bodies):
-        constants, own = _constants(body), len(_joint_constants(body))
-        pattern = [x if abs(x) in (0.0, 1.0) else None for x in constants]  # zeros and ones fold away when traced
-        joint = (type(body.joint), tuple(pattern[:own]))
-        groups.setdefault(joint, {}).setdefault(tuple(pattern[own:]), []).append(i)
-    kinds = []
-    for patterns in groups.values():
-        members = [list(x) for x in patterns.values()] if len(patterns) <= KINDS else [[i for x in patterns.values() for i in x]]
-        for ids in members:
-            table = np.array([_constants(bodies[i]) for i in ids])
-            free = (table != table[0]).any(0) | ~np.isin(abs(table[0]), (0.0, 1.0))
-            kinds.append(_Kind(bodies[ids[0]], ids, free))
+    constants = [_constants(body) for body in bodies]
+
+    def kind(members: list[int]) -> _Kind:
+        table = np.array([constants[i] for i in members])
+        return _Kind(bodies[members[0]], members, (table != table[0]).any(0) | ~_simple(table[0]))
+
+    patterns: dict[Any, list[int]] = {}
+    for i, (body, x) in enumerate(zip(bodies, constants, strict=True)):
+        patterns.setdefault((type(body.joint), np.where(_simple(x), x + 0.0, np.inf).tobytes()), []).append(i)
+    kinds = [kind(members) for members in patterns.values()]
+
+    # The rarest joins the one of its joint type that it has most in common with: where the fewest constants become free that were not.
+    while len(kinds) > KINDS:
+        types = Counter(type(x.example.joint) for x in kinds)
+        if not (joinable := [x for x in kinds if types[type(x.example.joint)] > 1]):
+            break
+        rare = min(joinable, key=lambda x: len(x.members))
+        others = [x for x in joinable if x is not rare and type(x.example.joint) is type(rare.example.joint)]
+        known = np.array([np.where(x.free, np.nan, constants[x.members[0]]) for x in (rare, *others)])
+        common, counts = (known[1:] == known[0]).sum(1), (~np.isnan(known)).sum(1)
+        costs = len(rare.members) * (counts[0] - common) + np.array([len(x.members) for x in others]) * (counts[1:] - common)
+        other = others[int(costs.argmin())]
+        kinds = [x for x in kinds if x is not rare and x is not other] + [kind(sorted([*rare.members, *other.members]))]
     return kinds
+
+
+def _simple(x: Array) -> Array:
+    """Which numbers fold away when traced."""
+    return np.isin(abs(x), (0.0, 1.0))
 
 
 _UPPER = np.triu_indices(3)
@@ -176,9 +194,17 @@ def _joint_constants(body: Body) -> list[float]:
 
 
 def _constants(body: Body) -> Array:
-    """The numbers that make a body: its joint's, its place, its inertia."""
+    """The numbers that make a body: its joint's, its place, its inertia, how it follows a leader."""
     inertia = body.inertia
-    parts = [_joint_constants(body), body.rotation.ravel(), body.translation, [inertia.mass], inertia.moment, inertia.tensor[_UPPER]]
+    parts = [
+        _joint_constants(body),
+        body.rotation.ravel(),
+        body.translation,
+        [inertia.mass],
+        inertia.moment,
+        inertia.tensor[_UPPER],
+        [body.ratio, body.offset],
+    ]
     return np.concatenate([np.asarray(x, dtype=float) for x in parts])
 
 
@@ -193,7 +219,10 @@ def _with_constants(body: Body, values: list[float | Scalar]) -> Body:
 
     joint = replace(body.joint, **{f.name: take(np.shape(getattr(body.joint, f.name))) for f in fields(body.joint)})
     rotation, translation, (mass,), moment, upper = take((3, 3)), take((3,)), take((1,)), take((3,)), take((6,))
+    ratio, offset = take((2,))
     tensor = np.empty((3, 3), dtype=object)
     tensor[_UPPER] = upper
     tensor.T[_UPPER] = upper
-    return replace(body, joint=joint, rotation=rotation, translation=translation, inertia=Inertia(mass, moment, tensor))
+    return replace(
+        body, joint=joint, rotation=rotation, translation=translation, inertia=Inertia(mass, moment, tensor), ratio=ratio, offset=offset
+    )

@@ -100,6 +100,29 @@ class InverseDynamics(Question):
 
 
 @dataclass(frozen=True)
+class Balance(Question):
+    """What M̂ η̇ = k̂ leaves at accelerations a: k̂ − M̂ a (..., nv), the "residual"; and what else of a state is named in `shown`."""
+
+    shown: tuple[str, ...]  # of "residual", "u", "qdot", "power"
+    needs = ("q", "v", "a", "tau")
+    admissible = False
+
+    def shapes(self, robot: Mechanism) -> Shapes:
+        shapes: Shapes = {"residual": (robot.nv,), "u": (robot.nu,), "qdot": (robot.nq,), "power": ()}
+        return {name: shapes[name] for name in self.shown}
+
+    def answer(self, views: Views, t: Array | float, q: Array, v: Array, a: Array, tau: Array) -> Answer:  # type: ignore[override]
+        equations = views.lumped
+        acts = equations.applied(t, q, v, tau)
+        found = {"u": acts.u, "power": acts.power}
+        if "residual" in self.shown:
+            found["residual"] = acts.tau - equations.inverse(q, v, a, acts.wrenches)
+        if "qdot" in self.shown:
+            found["qdot"] = equations.rate(q, v)
+        return Answer({name: found[name] for name in self.shown})
+
+
+@dataclass(frozen=True)
 class MassMatrix(Question):
     """M̂ (..., nv, nv)."""
 

@@ -29,7 +29,8 @@ class Scene:
 
     Every method takes one state or any number in leading dimensions: q (..., nq), v, tau and a (..., nv); and
     backend: "native" (compiled at first use), "numpy" (the readable reference) or "mpmath" (50 digits, slow). NumPy also answers for
-    robots of more than 100 bodies or freedoms with mimic joints, or by "nonrecursive": their kernels would take minutes to compile;
+    robots of more than 100 bodies or freedoms by "nonrecursive": their kernels would take minutes to compile. Of robots with mimic joints
+    and more than 50 bodies or freedoms, "auto" solves for accelerations by LAPACK, on the mass matrix that kernels find;
     threads: how many share a large batch; all cores if not given, 1 for none; and
     dtype: np.float64, or np.float32 for kernels with twice the lanes and answers in float32. Arrays of other types are converted. Angles,
     positions and pivots then carry 7 digits; backend="numpy" rounds the arrays and its float64 answer to float32.

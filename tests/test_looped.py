@@ -10,12 +10,14 @@ import pytest
 from tools import EPS, case, condition, error
 
 import robodyn as rd
+from robodyn import evaluate
 from robodyn.algebra import frozen, rotation
 from robodyn.engine import blocks, integrate, kernel as kernels
-from robodyn.engine.sweeps import Looped
+from robodyn.engine.sweeps import Looped, Recorder
 from robodyn.joints import JOINT_TYPES, Fixed
+from robodyn.looped import KINDS, LoopedTree
 from robodyn.model import GROUND, Inertia, Joint, Link, Mimic
-from robodyn.questions import ForwardDynamics, JointReactions
+from robodyn.questions import Balance, Energies, Evolution, ForwardDynamics, JointReactions
 from robodyn.report.timing import fresh
 from robodyn.simulation.methods import METHODS
 
@@ -179,6 +181,19 @@ def test_simple_constants_of_many_patterns():
     assert error(robot.link_poses(q), robot.link_poses(q, backend="numpy")) < C * EPS
 
 
+def test_code_does_not_grow_with_the_number_of_patterns():
+    """Each body has zeros and ones in places of its own: what compiles is bounded all the same, and every body is of one kind."""
+    code = {}
+    for n in (110, 400):
+        robot = patterned(n)
+        tree = robot._on_earth.equations().tree
+        kinds = LoopedTree.of(tree, Recorder())._kinds
+        assert len(kinds) == KINDS
+        assert sorted(i for kind in kinds for i in kind.members) == list(range(len(tree.bodies)))
+        code[n] = sum(len(program.instructions) for program in program_of(robot).programs)
+    assert code[400] < 1.3 * code[110]  # the more bodies share a step, the fewer of its constants fold away
+
+
 # --- loads ---
 
 
@@ -210,6 +225,18 @@ def test_loads_on_a_big_robot(big, loaded):
         assert error(loaded.reactions(q, v, tau, **shown).array, expected.array) < tolerance
     native, reference = (loaded.potential_energy(q, backend=b) for b in ("native", "numpy"))
     assert abs(native - reference) < C * EPS * abs(q).max() ** 2 * 60 * big.robot.nv  # springs of up to 60 N m/rad add to it
+
+
+def test_the_power_of_loads_on_a_big_robot(big, loaded):
+    """Springs have none: their work is in the potential energy."""
+    state = {"q": big.q, "v": big.v, "tau": big.tau}
+    found, exact = (loaded.evaluator.ask(Evolution("recursive"), backend, **state)["power"] for backend in ("native", "mpmath"))
+    bare = rd.Scene(big.robot, loads=[load for load in loaded.loads if not load.conservative])
+    assert abs(bare.evaluator.ask(Evolution("recursive"), **state)["power"] - found) < C * EPS * abs(exact)
+    rates = loaded.evaluator.ask(Evolution("recursive"), "numpy", **state | {"tau": 0 * big.tau})["power"]
+    terms = abs(big.tau * big.v).sum() + abs(exact) + abs(rates)
+    assert abs(found - exact) < C * EPS * terms
+    assert abs(found - rates - big.tau @ big.v) < C * EPS * terms
 
 
 def test_a_control_law_on_a_big_robot(big):
@@ -389,6 +416,26 @@ def test_pinocchio_on_a_hundred_joints():
     assert error(found.array, expected) < C * EPS
 
 
+def test_pinocchio_on_a_hundred_joints_of_which_some_follow_others():
+    """Pinocchio moves every joint freely: v̇_free = G η̇ with one column of G per coordinate makes its M and its forces ours."""
+    pin = pytest.importorskip("pinocchio", reason="the oracle needs pin: pip install '.[test]'")
+    from robodyn.report.peers.pinocchio import chain_model
+
+    free = rd.random_robot(np.random.default_rng(8), 100, branching=0.3, joint_types=("revolute",))
+    robot = coupled(free, 39)
+    model, (q, v, tau, a) = chain_model(free), state_of(robot, 39)
+    data, moving = model.createData(), robot.joints[1:]
+    G, offsets = np.zeros((100, robot.nv)), np.array([joint.mimic.offset if joint.mimic else 0.0 for joint in moving])
+    for row, joint in enumerate(moving):
+        G[row, robot.v_slices[row + 1]] = joint.mimic.ratio if joint.mimic else 1.0
+    M = pin.crba(model, data, G @ q + offsets)
+    M = G.T @ (np.triu(M) + np.triu(M, 1).T) @ G
+    assert error(robot.mass_matrix(q), M) < C * EPS
+    assert error(robot.inverse_dynamics(q, v, a), G.T @ pin.rnea(model, data, G @ q + offsets, G @ v, G @ a)) < C * EPS
+    expected = np.linalg.solve(M, tau - G.T @ pin.rnea(model, data, G @ q + offsets, G @ v, 0.0 * (G @ v)))
+    assert error(robot.forward_dynamics(q, v, tau), expected) < 2 * C * np.linalg.cond(M) * EPS  # two that round, against each other
+
+
 N = 10_000
 
 
@@ -447,6 +494,12 @@ def test_code_is_the_same_for_a_hundred_and_a_thousand_joints():
         yield blocks.module(evaluator.kernel(JointReactions("auto", "world", "total", tuple(range(n)))).program, 1)
         bare = rd.Scene(robot).evaluator
         yield integrate.module(METHODS["rk4"].tableau(), bare.evolution("auto"), bare.projection(), 1)
+        table = {name: 0.1 + 0.0103 * i for i, name in enumerate(robot.joint_names)}  # none, nor half of one, folds away
+        loads = [load(table) for load in (rd.JointDamping, rd.JointFriction, rd.JointSpring, rd.JointForce)]
+        law = rd.ControlLaw(lambda t, q, v: np.where(q > 0.1, -v, np.tanh(v)) * np.cos(t) - 0.1 * q[3] * v)
+        driven = rd.Scene(robot, loads=[*loads, law]).evaluator
+        yield integrate.module(METHODS["rk4"].tableau(), driven.evolution("auto"), driven.projection(), 1)
+        yield blocks.module(driven.kernel(Energies()).program, 8)
 
     for small, large in zip(texts(104), texts(1000), strict=True):
         a, b = small.splitlines(), large.splitlines()
@@ -455,16 +508,178 @@ def test_code_is_the_same_for_a_hundred_and_a_thousand_joints():
 
 
 def test_what_has_no_loops_is_answered_by_numpy_where_it_would_compile_for_minutes():
-    """Mimic joints and the nonrecursive route beyond 100 bodies: the same numbers, in seconds."""
+    """The nonrecursive route beyond 100 bodies: the same numbers, in seconds."""
     rng = np.random.default_rng(12)
     robot = rd.random_robot(rng, 120, branching=0.2, joint_types=("revolute",))
     q, v = robot.random_state(rng)
     exact = robot.forward_dynamics(q, v, v, backend="mpmath", formalism="recursive")
     bound = C * condition(robot, q) * EPS
-    assert error(robot.forward_dynamics(q, v, v, formalism="nonrecursive"), exact) < bound
-    joints = list(robot.joints)
-    joints[5] = replace(joints[5], mimic=Mimic(3, ratio=0.5))
-    coupled = replace(robot, joints=tuple(joints))
-    q, v = coupled.random_state(rng)
-    assert np.array_equal(coupled.forward_dynamics(q, v), coupled.forward_dynamics(q, v, backend="numpy"))
-    assert rd.simulate(coupled, t_end=2e-3, q0=q, v0=0.01 * v, method="rk4").completed
+    found = robot.forward_dynamics(q, v, v, formalism="nonrecursive")
+    assert np.array_equal(found, robot.forward_dynamics(q, v, v, formalism="nonrecursive", backend="numpy"))
+    assert error(found, exact) < bound
+
+
+# --- mimic joints ---
+
+
+def coupled(robot, seed, share=0.3):
+    """The robot with some of its joints of one freedom following others, before or behind them, turning or sliding."""
+    rng, joints = np.random.default_rng([33, seed]), list(robot.joints)
+    single = [i for i, joint in enumerate(joints) if joint.type.nv == 1]
+    followers = rng.choice(single, size=int(share * len(single)), replace=False)
+    leaders = sorted(set(single) - set(followers.tolist()))
+    for i in followers if leaders else ():
+        joints[i] = replace(joints[i], mimic=Mimic(int(rng.choice(leaders)), rng.choice([1.0, -1.0, 0.5, -1.7]), rng.choice([0.0, 0.4])))
+    return replace(robot, joints=tuple(joints))
+
+
+def state_of(robot, seed):
+    rng = np.random.default_rng([34, seed])
+    return (*robot.random_state(rng), *rng.normal(size=(2, robot.nv)))
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_every_question_on_random_trees_with_mimic_joints(seed, all_looped):
+    options = {"joint_types": ("revolute", "prismatic", "continuous", "revolute", "spherical", "fixed"), "floating_base": seed % 2 == 1}
+    robot = coupled(rd.random_robot(np.random.default_rng([35, seed]), 7, branching=0.4, **options), seed, share=0.5)
+    assert robot.nu > robot.nv
+    q, v, tau, a = state_of(robot, seed)
+    exact, tolerance = {"backend": "mpmath"}, C * condition(robot, q) * EPS
+    assert error(robot.forward_dynamics(q, v, tau), robot.forward_dynamics(q, v, tau, **exact)) < tolerance
+    shown = dict(zip(("frame", "part"), FRAMES_AND_PARTS[seed], strict=True))
+    expected = robot.reactions(q, v, tau, **shown, **exact)
+    assert error(robot.reactions(q, v, tau, **shown).array, expected.array) < tolerance
+    assert error(robot.inverse_dynamics(q, v, a), robot.inverse_dynamics(q, v, a, **exact)) < C * EPS
+    M = robot.mass_matrix(q)
+    assert error(M, robot.mass_matrix(q, **exact)) < C * EPS
+    assert np.array_equal(M, M.T)
+    assert error(robot.link_poses(q), robot.link_poses(q, **exact)) < C * EPS
+    assert error(robot.momentum(q, v), robot.momentum(q, v, **exact)) < C * EPS
+    assert error([robot.kinetic_energy(q, v)], [robot.kinetic_energy(q, v, **exact)]) < C * EPS
+
+
+@pytest.fixture(scope="module")
+def gang():
+    """A robot of more than 100 bodies with mimic joints, quaternions and a free base; and a scene with loads on it."""
+    types = ("revolute", "prismatic", "revolute", "continuous", "spherical", "planar", "fixed")
+    robot = coupled(rd.random_robot(np.random.default_rng(36), 130, branching=0.4, joint_types=types, floating_base=True), 36)
+    assert len(robot._on_earth.equations().tree.bodies) > evaluate.WRITTEN_OUT
+    moving = [joint for joint in robot.joints if joint.type.nv]
+    single = [joint.name for joint in moving if joint.type.nv == 1]
+    followers = [joint.name for joint in moving if joint.mimic]
+    loads = [
+        rd.JointDamping({joint.name: 0.1 + 0.01 * i for i, joint in enumerate(moving)}),
+        rd.JointFriction(dict.fromkeys(single, 0.3), width=0.5),
+        rd.JointSpring({name: 2.0 + i for i, name in enumerate(single)}, rest={followers[1]: 0.3}),
+        rd.JointForce({followers[0]: 3.0}),
+        rd.LinkWrench("link_40", force=(1.0, 2.0, 3.0)),
+    ]
+    return robot, rd.Scene(robot, loads=loads)
+
+
+def test_a_big_robot_with_mimic_joints(gang):
+    robot, scene = gang
+    q, v, tau, a = state_of(robot, 1)
+    tolerance, exact = C * condition(robot, q) * EPS, {"backend": "mpmath"}
+    for ask in (robot, scene):
+        assert error(ask.forward_dynamics(q, v, tau), ask.forward_dynamics(q, v, tau, **exact)) < tolerance
+        assert error(ask.inverse_dynamics(q, v, a), ask.inverse_dynamics(q, v, a, backend="numpy")) < C * EPS
+    for shown in ({"part": "total", "frame": "world"}, {"part": "constraint"}):
+        expected = scene.reactions(q, v, tau, backend="numpy", **shown)
+        assert error(scene.reactions(q, v, tau, **shown).array, expected.array) < tolerance
+    assert error(robot.mass_matrix(q), robot.mass_matrix(q, backend="numpy")) < C * EPS
+    found, expected = (scene.evaluator.ask(Evolution("auto"), b, q=q, v=v, tau=tau) for b in ("native", "numpy"))
+    for name in ("qdot", "vdot", "power"):
+        assert error([found[name]], [expected[name]]) < tolerance, name
+
+
+def test_states_with_mimic_joints_in_any_shape(gang, monkeypatch):
+    robot, scene = gang
+    states = np.stack([state_of(robot, k)[0] for k in range(6)]).reshape(2, 3, -1)
+    v, tau = np.random.default_rng(1).normal(size=(2, 2, 3, robot.nv))
+    whole = scene.forward_dynamics(states, v, tau)
+    for i in np.ndindex(2, 3):
+        assert np.array_equal(whole[i], scene.forward_dynamics(states[i], v[i], tau[i], threads=1))
+    monkeypatch.setattr(evaluate, "NUMBERS", 2 * robot.nv**2)
+    assert np.array_equal(scene.forward_dynamics(states, v, tau), whole)
+    out = np.empty(whole.shape)
+    assert scene.forward_dynamics(states, v, tau, out=out) is out
+    assert np.array_equal(out, whole)
+    assert scene.forward_dynamics(states[:0], v[:0], tau[:0]).shape == (0, 3, robot.nv)
+    assert np.array_equal(scene.forward_dynamics(states, v[0, 0], None)[0, 0], scene.forward_dynamics(states[0, 0], v[0, 0]))
+    single = scene.forward_dynamics(states[0, 0], v[0, 0], tau[0, 0], dtype=np.float32)
+    assert single.dtype == np.float32
+    # Angles, velocities and torques that are rounded change what they cause by so much.
+    assert error(single, whole[0, 0]) < C * condition(robot, states[0, 0]) * np.finfo(np.float32).eps
+    pushed = rd.Scene(robot, loads=[rd.ControlLaw(lambda t, q, v: -v * np.cos(t))])
+    at = pushed.evaluator.ask(ForwardDynamics("auto"), t=np.array([0.0, 1.0]), q=states[0, [0, 0]], v=v[0, [0, 0]], tau=None)["vdot"]
+    assert np.array_equal(at[1], pushed.forward_dynamics(states[0, 0], v[0, 0], t=1.0))
+    assert error(at[0], at[1]) > 1e-6
+
+
+@pytest.mark.parametrize("method", ["rk4", "semi_implicit_euler", "dop853"])
+def test_a_big_robot_with_mimic_joints_is_simulated(gang, method):
+    robot, scene = gang
+    q, v, _, _ = state_of(robot, 2)
+    options = {"t_end": 2e-3, "q0": q, "v0": 0.1 * v, "method": method, "dt": 1e-3, "rtol": 1e-6, "fps": 1000}
+    runs = [rd.simulate(scene, backend=b, **options) for b in ("native", "numpy")]
+    for name in ("q", "v", "a", "u", "work"):
+        x, y = (getattr(run, name) for run in runs)
+        # Roundings of the accelerations, κ times eps of the largest.
+        assert np.allclose(x, y, rtol=0, atol=C * condition(robot, q) * EPS * max(1.0, abs(runs[1].a).max())), name
+    if method != "dop853":
+        many = rd.simulate_many(scene, **{k: x for k, x in options.items() if k not in ("q0", "rtol")}, q0=np.stack([q, q]))
+        for name in ("q", "v", "work"):
+            assert np.array_equal(getattr(many, name)[1], getattr(runs[0], name))
+        assert np.array_equal(many.t, runs[0].t)
+    assert error(runs[0].reactions(joints=["joint_7"]).array, runs[1].reactions(joints=["joint_7"]).array) < 1e-9
+
+
+def test_step_loops_of_mimic_joints_written_out_project_in_loops(all_looped):
+    """Up to 100 bodies the step loop is compiled; with quaternions, what keeps them at unit length loops beside it."""
+    types = ("revolute", "spherical", "prismatic")
+    robot = coupled(rd.random_robot(np.random.default_rng(38), 8, joint_types=types, floating_base=True), 38, share=0.5)
+    assert robot.nu > robot.nv
+    q, v, _, _ = state_of(robot, 3)
+    runs = [rd.simulate(robot, t_end=0.02, q0=q, v0=v, method="rk4", dt=1e-3, fps=100, backend=b) for b in ("native", "numpy")]
+    for name in ("q", "v", "a"):
+        x, y = (getattr(run, name) for run in runs)
+        assert np.allclose(x, y, rtol=1e-11, atol=1e-11 * abs(y).max()), name
+
+
+def test_what_is_refused_with_mimic_joints(gang):
+    robot, _ = gang
+    q, v, tau, _ = state_of(robot, 4)
+    spoilt = q.copy()
+    spoilt[30] = np.nan
+    with pytest.raises(rd.InputError, match=r"q\[30\]"):
+        robot.forward_dynamics(spoilt, v, tau)
+    spoilt = q.copy()
+    spoilt[3:7] *= 1.1
+    for ask in (robot.forward_dynamics, robot.reactions):
+        with pytest.raises(rd.InputError, match=r"quaternion .+ of joint 'ground'"):
+            ask(spoilt, v, tau)
+    with pytest.raises(rd.ModelError, match="not finite"):
+        robot.forward_dynamics(q, v + 1e200, tau)
+    with pytest.raises(rd.SimulationError, match=r"trajectory 1: .+ q0\[1\]"):
+        rd.simulate_many(robot, t_end=2e-3, q0=q, v0=np.stack([v, 1e155 * v]))
+    nothing = Inertia.about_centre(0.0, np.zeros(3), np.zeros((3, 3)))
+    chain = rd.random_robot(np.random.default_rng(4), 80, branching=0.0, joint_types=("revolute",))
+    joints = [*chain.joints[:5], replace(chain.joints[5], mimic=Mimic(3)), *chain.joints[6:]]
+    light = replace(chain, links=(*chain.links[:-1], Link("tip", nothing)), joints=tuple(joints))
+    for ask in (light.forward_dynamics, light.reactions):
+        with pytest.raises(rd.ModelError, match="'joint_80' have no mass"):
+            ask(np.zeros(79), np.zeros(79))
+
+
+def test_code_of_mimic_joints_does_not_grow():
+    def texts(n):
+        robot = rd.random_robot(np.random.default_rng(n), n, branching=0.3, joint_types=("revolute",))
+        robot = coupled(robot, n, share=0.25)  # of 104 and 1000, so that nv is a multiple of 2 but no more: columns left over are alike
+        loads = [rd.JointDamping({joint.name: 0.3 + 0.01 * i for i, joint in enumerate(robot.joints) if joint.type.nv})]
+        for shown in ("residual", "u"), ("qdot", "power"):
+            yield rd.Scene(robot, loads=loads).evaluator.kernel(Balance(shown)).program
+
+    for small, large in zip(texts(104), texts(1000), strict=True):
+        a, b = (sum(len(code.instructions) for code in program.programs) for program in (small, large))
+        assert b < 1.2 * a

@@ -17,6 +17,7 @@ Node = tuple[Any, ...]  # (operation, operand, …): operands are node numbers, 
 
 TRIGONOMETRIC = ("sin", "cos")
 LEAVES = ("const", "in")
+CONDITIONS = ("true", "false", "lt", "le", "eq", "and", "or", "not")  # what they give is no number
 ODD = ("sin", "tan", "tanh", "asin", "atan", "sinh")
 EVEN = ("cos", "cosh", "abs")
 POWERS = 16  # whole exponents up to which a power is computed by multiplication

@@ -12,10 +12,11 @@ from .constants import Constants
 from .emit import Operands, Part
 from .functions import Type
 from .program import Program
-from .sweeps import FIXED_COLUMNS, Fill, Loop, Looped, Straight
+from .sweeps import ADDED, FIXED_COLUMNS, Fill, Loop, Looped, Straight
 
 OWN, UP, PARAM, KIND = range(len(FIXED_COLUMNS))
 STRAIGHT = 400  # instructions in one function between loops: they read and write memory all over, which costs LLVM more than linear time
+INLINED = 2  # kinds up to which steps become part of the driver's loop: one function of many costs LLVM more than linear time
 TRUSTED = ("trusted",)  # the slot of 1, or of −1 where a check failed
 
 
@@ -45,14 +46,14 @@ class LoopedPart:
             if isinstance(item, Loop):
                 for kind, step in enumerate(item.steps):
                     if step or item.clears:
-                        yield from self._step(f"{self.name}{n}.{kind}", item, step)
+                        yield from self._step(f"{self.name}{n}.{kind}", item, step, "" if len(item.steps) <= INLINED else "noinline ")
         yield from self._evaluate()
 
     def calls(self, slots: str) -> list[str]:
         """The lines that evaluate the program on slots whose inputs are set."""
         return [f"  call void @{self.name}(ptr {slots})"]
 
-    def _step(self, name: str, loop: Loop, step: tuple[Program, tuple[tuple[str, int], ...]] | None) -> Iterator[str]:
+    def _step(self, name: str, loop: Loop, step: tuple[Program, tuple[tuple[str, int], ...]] | None, how: str) -> Iterator[str]:
         """void @name(slots, row, parameters): one node."""
         t, F, lines, bases = self._t, self._t.float, [], {}
         columns = (*FIXED_COLUMNS, *self.program.columns[loop.forest])
@@ -95,14 +96,14 @@ class LoopedPart:
         stores += [(("own", offset), t.constant(0.0)) for offset in loop.clears]
         for n, ((base, offset), value) in enumerate(stores):
             where = address(base, offset)
-            if base in ("up", "slot"):
+            if base in ADDED:
                 lines.append(f"  %old{n} = load {F}, ptr {where}")
                 lines.append(f"  %new{n} = fadd {F} %old{n}, {value}")
                 value = f"%new{n}"
             lines.append(f"  store {F} {value}, ptr {where}")
         yield from constants.definition()
         arguments = "ptr noalias %slots, ptr noalias readonly %row, ptr noalias readonly %parameters"
-        yield f"define internal void @{name}({arguments}) nounwind {t.frame} {{"
+        yield f"define internal void @{name}({arguments}) {how}nounwind {t.frame} {{"
         yield from lines
         yield "  ret void"
         yield "}"

@@ -6,14 +6,16 @@ them; vectors (inputs, outputs, what straight-line code computes between the swe
 the number of nodes, and what no output needs is neither computed nor stored. The engine does not know what the nodes are.
 """
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..arithmetic import Array
-from .graph import Graph, Node, Scalar
+from .graph import CONDITIONS, LEAVES, Graph, Node, Scalar
 from .program import Program, program
 
 # Where a number of a node is found: ("own", key) and ("up", key) in the node's and its parent's block, ("param", k), or
@@ -22,6 +24,9 @@ Place = tuple[Any, ...]
 Rebuild = Callable[[Sequence[Any]], Any]
 
 MANY, LONG = 32, 64  # expressions alike that are worth a loop; nodes of one that is looked at
+COMMUTATIVE = ("add", "mul", "min", "max", "eq")
+SUM = "sum"  # the column of offsets to which numbers are added
+ADDED = ("up", "slot", SUM)  # bases of places to which a store adds
 FIXED_COLUMNS = ("own", "up", "param", "kind")  # of a node's row, before the forest's own
 
 
@@ -125,6 +130,18 @@ class _Zero:
     region: str
 
 
+Steps = tuple[tuple[Any, ...], ...]  # operations in order; operands are earlier steps; of "in" the region, of "const" nothing
+
+
+class _Pattern(NamedTuple):
+    """An expression taken apart: its steps, and the numbers that tell it from others with the same steps."""
+
+    steps: Steps
+    places: tuple[int, ...]  # entries of the regions that its "in" read
+    constants: tuple[float, ...]
+    nodes: tuple[int, ...]  # of the graph: one per step
+
+
 class Recorder:
     """What is recorded, in the order in which it will run."""
 
@@ -134,6 +151,7 @@ class Recorder:
         self._regions: dict[str, int] = {}
         self._items: list[Any] = []
         self._moved: dict[tuple[int, Any], tuple[str, str, int]] = {}  # numbers of nodes that live in a region: region, column, k
+        self._computed: dict[int, tuple[str, int]] = {}  # expressions that are entries of a region by now
 
     # --- vectors ---
 
@@ -156,9 +174,10 @@ class Recorder:
         entries = [self.graph.lift(a) for a in x]
         if all(a.constant == 0 for a in entries):
             return None
-        op, *first = entries[0].node
-        if op == "in" and isinstance(first[1], int) and all(a.node == ("in", first[0], first[1] + k) for k, a in enumerate(entries)):
-            return first[0], first[1]
+        places = [self._computed.get(a.number) or (a.node[1:] if a.node[0] == "in" else ("", None)) for a in entries]
+        name, start = places[0]
+        if isinstance(start, int) and all(place == (name, start + k) for k, place in enumerate(places)):
+            return name, start
         region = self._region(len(entries))
         self._compute(region, list(enumerate(entries)))
         return region, 0
@@ -171,44 +190,121 @@ class Recorder:
         return region
 
     def _compute(self, region: str, entries: list[tuple[int, Scalar]]) -> None:
-        """Entries k of a region: in a loop where many are the same expression of entries k + constant of other regions."""
-        alike: dict[Any, list[tuple[int, Scalar, list[float]]]] = {}
-        for k, x in entries:
-            pattern, constants = self._pattern(x, k)
-            alike.setdefault(pattern, []).append((k, x, constants))
-        many = {pattern: found for pattern, found in alike.items() if pattern and len(found) >= MANY}
-        rest = [(k, x) for pattern, found in alike.items() if pattern not in many for k, x, _ in found]
-        if rest:
-            self._items.append(_Segment(region, rest))
-        if not many:
-            return
-        nodes = [(kind, k, np.array(constants)) for kind, found in enumerate(many.values()) for k, _, constants in found]
-        kinds, places, parameters = zip(*nodes, strict=True)
-        columns = {"entry": np.array(places)}
-        number = self.forest(Forest(np.array(kinds), np.full(len(kinds), -1), columns, parameters))
-        stores = [[(("vector", region, 0, "entry", 0), _rebuilt(pattern))] for pattern in many]
-        self._items.append(_Sweep(number, False, stores, {}))
+        """Entries k of a region: in loops where many are the same expression of other numbers, or many terms of their sums are."""
+        whole, terms, rest, straight = self._sorted(entries)
+        # What is one number in all that are alike is computed once.
+        if shared := {i for found in (*whole.values(), *terms.values()) for i in self._shared(found)}:
+            self._compute(self._region(len(shared)), list(enumerate(self.graph.at(i) for i in sorted(shared))))
+            whole, terms, rest, straight = self._sorted(entries)
 
-    def _pattern(self, x: Scalar, k: int) -> tuple[tuple[Node, ...] | None, list[float]]:
-        """The expression of entry k with places relative to k, and its constants; no pattern where it is long, or is of a node."""
-        nodes = self.graph.live([x]) if x.node[0] != "in" else [x.number]
-        if len(nodes) > LONG:
-            return None, []
-        numbers, out, constants = {}, [], []
-        for n in nodes:
-            op, *rest = self.graph.nodes[n]
+        begun = {k for found in terms.values() for k, _ in found}
+        sums: dict[int, Any] = {k: x for k, x in rest if k not in begun} | dict.fromkeys(sorted(begun), 0.0)
+        for k, x in straight:
+            if k in begun:
+                sums[k] = sums[k] + x
+        if sums:
+            self._items.append(_Segment(region, [(k, self.graph.lift(x)) for k, x in sums.items()]))
+        for steps, found in whole.items():
+            self._loop(region, steps, found, "entry")
+        for steps, found in terms.items():
+            self._loop(region, steps, found, SUM)
+        for k, x in entries:
+            if x.node[0] not in LEAVES:
+                self._computed.setdefault(x.number, (region, k))
+
+    def _sorted(self, entries: list[tuple[int, Scalar]]):
+        """Entries alike, terms of long sums alike; the other entries, the other terms."""
+        whole, rest = self._alike(entries)
+        sums = ((k, self._terms(x)) for k, x in rest)
+        # One term of each sum after the other: an addition need not wait for the one before.
+        split = sorted(((n, k, x) for k, terms in sums if len(terms) >= MANY for n, x in enumerate(terms)), key=lambda term: term[0])
+        terms, straight = self._alike((k, x) for _, k, x in split)
+        return whole, terms, rest, straight
+
+    def _alike(self, entries: Iterable[tuple[int, Scalar]]) -> tuple[dict[Steps, list[tuple[int, _Pattern]]], list[tuple[int, Scalar]]]:
+        """Entries by their pattern's steps where at least `MANY` share them, and the others."""
+        groups: dict[Any, list[tuple[int, Scalar, _Pattern]]] = {}
+        rest = []
+        for k, x in entries:
+            if (pattern := self._pattern(x)) is None:
+                rest.append((k, x))
+            else:
+                groups.setdefault(pattern.steps, []).append((k, x, pattern))
+        rest += [(k, x) for found in groups.values() if len(found) < MANY for k, x, _ in found]
+        return {steps: [(k, pattern) for k, _, pattern in found] for steps, found in groups.items() if len(found) >= MANY}, rest
+
+    def _pattern(self, x: Scalar) -> "_Pattern | None":
+        """The expression with its numbers left out; None where it is long, or of numbers that live at a node."""
+        found: dict[int, int] = {}
+        steps, places, constants, todo = [], [], [], [x.number]
+        while todo:
+            i = todo[-1]
+            node: Node = ("in", *self._computed[i]) if i in self._computed else self.graph.nodes[i]
+            op, *rest = node
+            if op in COMMUTATIVE:  # a constant may be older than what it meets, or younger
+                rest.sort(key=lambda j: self.graph.nodes[j][0] == "const")
+            missing = [j for j in rest if j not in found] if op not in LEAVES else []
+            if i in found or not missing:
+                todo.pop()
+            if i in found:
+                continue
+            if len(found) + len(todo) + len(missing) > LONG or (op == "in" and not isinstance(rest[1], int)):
+                return None
+            if missing:
+                todo += reversed(missing)
+                continue
             if op == "in":
-                if not isinstance(rest[1], int):
-                    return None, []
-                step: Node = ("in", "vector", rest[0], rest[1] - k, "entry", 0)
+                steps.append((op, rest[0]))
+                places.append(rest[1])
             elif op == "const":
-                step = ("in", "param", len(constants))
+                steps.append((op,))
                 constants.append(rest[0])
             else:
-                step = (op, *(numbers[i] for i in rest))
-            numbers[n] = len(out)
-            out.append(step)
-        return tuple(out), constants
+                steps.append((op, *(found[j] for j in rest)))
+            found[i] = len(found)
+        return _Pattern(tuple(steps), tuple(places), tuple(constants), tuple(found))
+
+    def _shared(self, found: "list[tuple[int, _Pattern]]") -> set[int]:
+        """The largest expressions that are one and the same node in all of these."""
+        steps, nodes = found[0][1].steps, np.array([x.nodes for _, x in found])
+        same = [op not in (*LEAVES, *CONDITIONS) and bool((nodes[:, n] == nodes[0, n]).all()) for n, (op, *_) in enumerate(steps)]
+        used = {len(steps) - 1, *(j for n, (op, *operands) in enumerate(steps) if op not in LEAVES and not same[n] for j in operands)}
+        return {int(nodes[0, n]) for n in used if same[n]}
+
+    def _terms(self, x: Scalar) -> list[Scalar]:
+        """The terms of a sum, as far as its partial sums are needed for nothing else in it."""
+        nodes = self.graph.nodes
+        uses = Counter(j for i in self.graph.live([x]) if nodes[i][0] not in LEAVES for j in nodes[i][1:])
+        terms, todo = [], [(x.number, False)]
+        while todo:
+            i, negative = todo.pop()
+            op, *operands = nodes[i]
+            if op not in ("add", "sub", "neg") or uses[i] > 1 or i in self._computed:
+                terms.append(-self.graph.at(i) if negative else self.graph.at(i))
+                continue
+            signs = [negative != (op == "neg" or (op == "sub" and n == 1)) for n in range(len(operands))]
+            todo += reversed([*zip(operands, signs, strict=True)])
+        return terms
+
+    def _loop(self, region: str, steps: Steps, found: list[tuple[int, "_Pattern"]], target: str) -> None:
+        """Expressions with these steps in a loop of their own: what they read lies in columns, shared where it lies side by side."""
+        columns = {target: np.array([k for k, _ in found])}
+        graph, values, inputs, constants = Graph(), [], zip(*(x.places for _, x in found), strict=True), 0
+        for op, *rest in steps:
+            if op == "in":
+                places = np.array(next(inputs))
+                beside = (name for name, column in columns.items() if (places - column == places[0] - column[0]).all())
+                name = next(beside, f"in{len(columns)}")
+                columns.setdefault(name, places)
+                values.append(graph.node("in", "vector", rest[0], int(places[0] - columns[name][0]), name, 0))
+            elif op == "const":
+                values.append(graph.node("in", "param", constants))
+                constants += 1
+            else:
+                values.append(graph.node(op, *(values[j].number for j in rest)))
+        parameters = [np.array(x.constants) for _, x in found]
+        number = self.forest(Forest(np.zeros(len(found), dtype=np.int64), np.full(len(found), -1), columns, parameters))
+        self._items.append(_Sweep(number, False, [[(("vector", region, 0, target, 0), values[-1])]], {}))
 
     # --- sweeps ---
 
@@ -312,10 +408,14 @@ class Recorder:
         return rebuild(list(self._entries(region)))
 
     def gathered(self, records: Records, column: str, size: int) -> Array:
-        """The numbers of all nodes as one vector (size,), each node's at its offset."""
+        """The numbers of all nodes as one vector (size,), each node's at its offset; their sums where the column is `SUM`."""
         region, forest = self._region(size), records.forest
         keys = [p[1] if isinstance(p, tuple) and p[0] == "own" else None for places in records.places for p in places]
-        if all(key and key[0] == "kept" and (forest, key) not in self._moved for key in keys) and len(set(keys)) == len(keys):
+        if (
+            column != SUM
+            and all(key and key[0] == "kept" and (forest, key) not in self._moved for key in keys)
+            and len(set(keys)) == len(keys)
+        ):
             for places in records.places:  # they live there from the start
                 self._moved.update({(forest, p[1]): (region, column, k) for k, p in enumerate(places)})
         else:
@@ -324,7 +424,7 @@ class Recorder:
                 graph = Graph()
                 numbers = flatten(records.inner(kind, graph))[0]
                 stores.append([(("vector", region, 0, column, k), graph.lift(x)) for k, x in enumerate(numbers)])
-            self._items.append(_Sweep(forest, False, stores, {}))
+            self._items += [_Zero(region)] * (column == SUM) + [_Sweep(forest, False, stores, {})]
         return self._entries(region)
 
     # --- the end ---
@@ -344,14 +444,6 @@ class Recorder:
         for name, size in inputs.items():
             self._regions.setdefault(name, size)
         return _Layout(self, regions, dict(inputs)).looped()
-
-
-def _rebuilt(pattern: tuple[Node, ...]) -> Scalar:
-    """A pattern on a graph of its own."""
-    graph, found = Graph(), []
-    for op, *rest in pattern:
-        found.append(graph.node(op, *rest) if op == "in" else graph.node(op, *(found[i].number for i in rest)))
-    return found[-1]
 
 
 def _merged(outputs: list[list[Any]], ground: Sequence[float | None], *, inward: bool) -> list[Any]:
@@ -375,7 +467,7 @@ def _merged(outputs: list[list[Any]], ground: Sequence[float | None], *, inward:
 
 @dataclass(frozen=True, eq=False)
 class Loop:
-    """One pass over a forest: by kind, the step's program and where each of its outputs goes ("up" and "slot": is added)."""
+    """One pass over a forest: by kind, the step's program and where each of its outputs goes (`ADDED`: is added there)."""
 
     forest: int
     inward: bool
@@ -434,7 +526,7 @@ class Looped:
         """Floating-point operations of one evaluation, counted as for a `Program`."""
         return self._weighed(lambda p: p.operations)
 
-    @property
+    @cached_property
     def length(self) -> int:
         """Instructions of one evaluation."""
         return self._weighed(lambda p: p.length)

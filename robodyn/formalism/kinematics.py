@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..algebra import cross, joined, mul, transpose
-from ..arithmetic import Array
+from ..arithmetic import Array, known
 from ..model import Body, Field, Tree
 from .spatial import Pose, angular, linear, twist_to_child
 
@@ -24,12 +24,12 @@ class Motion(NamedTuple):
 
 def joint_position(body: Body, beta: Array) -> Array:
     """β_i (..., nq_i) of one joint from its own or its leader's coordinates."""
-    return beta if body.ratio == 1 and body.offset == 0 else body.ratio * beta + body.offset
+    return beta if known(body.ratio) == 1 and known(body.offset) == 0 else body.ratio * beta + body.offset
 
 
 def joint_velocity(body: Body, eta: Array) -> Array:
     """η_i (..., nv_i) of one joint from its own or its leader's velocities."""
-    return eta if body.ratio == 1 else body.ratio * eta
+    return eta if known(body.ratio) == 1 else body.ratio * eta
 
 
 def relative_pose(body: Body, beta: Array) -> Pose:
@@ -70,7 +70,7 @@ def motion(tree: Tree, q: Array, v: Array) -> Motion:
         bias = joined(cross(w, angular(relative)), centripetal + 2.0 * cross(w, linear(relative)))
         own = body.joint.bias(beta, eta)
         bias = bias if own is None else bias + own
-        return twist, (X, S if body.ratio == 1 else body.ratio * S, twist, bias)
+        return twist, (X, S if known(body.ratio) == 1 else body.ratio * S, twist, bias)
 
     kept = tree.outward(outward, np.zeros(6), tree.split(q, "q"), tree.split(v, "v"))
     return Motion(*tree.unzip(kept, 4))

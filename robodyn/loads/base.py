@@ -1,8 +1,9 @@
 """What every load answers. Each load is an immutable record of plain numbers, generic over the scalar when evaluated."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Any, ClassVar
 
 import numpy as np
@@ -39,6 +40,12 @@ class State:
         """η (..., nv_i) of a joint by its index."""
         eta, mimic = self.v[..., self.mechanism.v_slices[joint]], self.mechanism.joints[joint].mimic
         return symbols(eta if mimic is None else mimic.ratio * eta)
+
+    @cached_property
+    def velocities(self) -> Array:
+        """The velocity (..., nu) in the direction of each joint force of u, mimic joints' included."""
+        columns, ratios = self.mechanism.driven
+        return ratios * self.v[..., columns]
 
     def constant(self, x: object) -> Array:
         """Numbers of a load, in the state's own arithmetic: sums of them must not round in float64 where the state has 50 digits."""
@@ -98,6 +105,43 @@ def _kept(value: Any) -> Any:
     if isinstance(value, dict):
         return {key: _kept(x) for key, x in value.items()}
     return frozen(value) if isinstance(value, np.ndarray) and value.dtype.kind in "biuf" else value
+
+
+@dataclass(frozen=True, eq=False)
+class JointNumbers:
+    """One number per freedom of some joints, so that a load computes all of its joint forces at once."""
+
+    table: Mapping[int, Array]  # by joint index
+
+    @cached_property
+    def values(self) -> Array:
+        """The numbers (n,), one joint behind the other."""
+        return np.concatenate([np.zeros(0), *self.table.values()])
+
+    def velocities(self, state: State) -> Array:
+        """η (..., n) of these joints."""
+        return symbols(state.velocities[..., self._places(state.mechanism.u_slices)])
+
+    def positions(self, state: State) -> Array:
+        """β (..., n) of these joints, which are none with Euler parameters."""
+        mimics = [state.mechanism.joints[i].mimic for i, x in self.table.items() for _ in x]
+        beta = symbols(state.q[..., self._places(state.mechanism.q_slices)])
+        if not any(mimics):
+            return beta
+        return np.array([m.ratio if m else 1.0 for m in mimics]) * beta + np.array([m.offset if m else 0.0 for m in mimics])
+
+    def by_joint(self, forces: Array) -> dict[int, Array]:
+        """Forces (..., n) by joint index."""
+        ends = np.cumsum([0, *map(len, self.table.values())]).tolist()
+        return {i: forces[..., a:b] for i, (a, b) in zip(self.table, pairwise(ends), strict=True)}
+
+    def _places(self, slices: Sequence[slice]) -> Array:
+        return np.array([k for i in self.table for k in range(slices[i].start, slices[i].stop)], dtype=np.int64)
+
+
+def joint_numbers(mechanism: Mechanism, values: Mapping[str, object], what: str) -> JointNumbers:
+    """`joint_table`, to compute with."""
+    return JointNumbers(joint_table(mechanism, values, what))
 
 
 def joint_table(mechanism: Mechanism, values: Mapping[str, object], what: str) -> dict[int, Array]:

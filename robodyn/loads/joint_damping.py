@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from ..arithmetic import Array
 from ..errors import InputError
 from ..model import Mechanism
-from .base import Load, State, joint_table
+from .base import Load, State, joint_numbers, joint_table
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,5 +21,5 @@ class JointDamping(Load):
                 raise InputError(f"damping of joint {mechanism.joints[i].name!r} is {d.tolist()}: it must not be negative")
 
     def joint_forces(self, state: State) -> Mapping[int, Array]:
-        table = joint_table(state.mechanism, self.coefficients, "damping")
-        return {i: -d * state.velocity(i) for i, d in table.items()}
+        d = joint_numbers(state.mechanism, self.coefficients, "damping")
+        return d.by_joint(-d.values * d.velocities(state))

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from ..arithmetic import Array
 from ..model import Mechanism
-from .base import Load, State, joint_table
+from .base import Load, State, joint_numbers, joint_table
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,4 +18,5 @@ class JointForce(Load):
         joint_table(mechanism, self.values, "force")
 
     def joint_forces(self, state: State) -> Mapping[int, Array]:
-        return {i: u + 0.0 * state.velocity(i) for i, u in joint_table(state.mechanism, self.values, "force").items()}
+        u = joint_numbers(state.mechanism, self.values, "force")
+        return u.by_joint(u.values + 0.0 * u.velocities(state))

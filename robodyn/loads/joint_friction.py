@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from ..arithmetic import Array, tanh
 from ..errors import InputError
 from ..model import Mechanism
-from .base import Load, State, joint_table
+from .base import Load, State, joint_numbers, joint_table
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,5 +27,5 @@ class JointFriction(Load):
             raise InputError(f"friction is smoothed over the speed width={self.width!r}: it must be positive")
 
     def joint_forces(self, state: State) -> Mapping[int, Array]:
-        table = joint_table(state.mechanism, self.coefficients, "friction")
-        return {i: -c * tanh(state.velocity(i) / self.width) for i, c in table.items()}
+        c = joint_numbers(state.mechanism, self.coefficients, "friction")
+        return c.by_joint(-c.values * tanh(c.velocities(state) / self.width))

@@ -3,10 +3,12 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from ..arithmetic import Array
 from ..errors import InputError
 from ..model import Mechanism
-from .base import Load, State, joint_table
+from .base import JointNumbers, Load, State, joint_numbers, joint_table
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,13 +31,16 @@ class JointSpring(Load):
     def _table(self, mechanism: Mechanism, values: Mapping[str, float]) -> dict[int, Array]:
         return joint_table(mechanism, values, "spring")
 
-    def _stretch(self, state: State) -> dict[int, tuple[Array, Array]]:
-        rest = self._table(state.mechanism, self.rest)
-        stiffness = self._table(state.mechanism, self.stiffness)
-        return {i: (k, state.position(i) - rest.get(i, 0.0)) for i, k in stiffness.items()}
+    def _stretch(self, state: State) -> tuple[JointNumbers, Array]:
+        stiffness = joint_numbers(state.mechanism, self.stiffness, "spring")
+        given = self._table(state.mechanism, self.rest)
+        rest = JointNumbers({i: given.get(i, np.zeros(len(k))) for i, k in stiffness.table.items()})
+        return stiffness, stiffness.positions(state) - rest.values
 
     def joint_forces(self, state: State) -> Mapping[int, Array]:
-        return {i: -k * x for i, (k, x) in self._stretch(state).items()}
+        k, x = self._stretch(state)
+        return k.by_joint(-k.values * x)
 
     def potential(self, state: State) -> Array | float:
-        return sum((0.5 * k * x * x).sum(-1) for k, x in self._stretch(state).values())
+        k, x = self._stretch(state)
+        return (0.5 * k.values * x * x).sum(-1)

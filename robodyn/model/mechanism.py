@@ -118,6 +118,20 @@ class Mechanism:
         return self._slices(joint.type.nv for joint in self.joints)
 
     @cached_property
+    def driven(self) -> tuple[Array, Array]:
+        """For each joint force of u the entry of v that it works on, and that velocity's ratio (nu,): 1 but for mimic joints."""
+        moving = [(i, joint) for i, joint in enumerate(self.joints) if joint.type.nv]
+        columns = [k for i, _ in moving for k in range(self.v_slices[i].start, self.v_slices[i].stop)]
+        ratios = [joint.mimic.ratio if joint.mimic else 1.0 for _, joint in moving for _ in range(joint.type.nv)]
+        return np.array(columns, dtype=np.int64), np.array(ratios)
+
+    @cached_property
+    def owned(self) -> Array:
+        """Where the joint forces of those that own coordinates stand in u: (nv,) indices, in the order of v."""
+        slices = [self.u_slices[i] for i in self.owners]
+        return np.array([k for s in slices for k in range(s.start, s.stop)], dtype=np.int64)
+
+    @cached_property
     def nq(self) -> int:
         """Number of joint coordinates."""
         return sum(self.joints[i].type.nq for i in self.owners)

@@ -15,13 +15,13 @@ from .. import inputs
 from ..arithmetic import Array
 from ..engine.compile import lanes
 from ..equations import FORMALISMS, SADDLES
-from ..errors import InputError, RobodynError, SimulationError
+from ..errors import InputError, ModelError, RobodynError, SimulationError
 from ..model import Mechanism
 from ..questions import Evolution, Result
 from ..scene import Scene
 from . import native
 from .methods import METHODS
-from .run import MOST_FRAMES, Integration, output_times
+from .run import MOST_FRAMES, Integration, output_times, simulate
 from .step import step_count
 from .trajectory import Trajectory
 
@@ -88,6 +88,10 @@ def simulate_many(
     if q.ndim != 2:
         raise InputError(f"q0 and v0 have the leading dimensions {q.shape[:-1]}: give (N, nq) and (N, nv)")
     inputs.unit_quaternions(scene.equations().side_conditions(q))
+    if not scene.evaluator.compiles_steps(formalism):
+        started = time.perf_counter()
+        found = _one_by_one(scene, q, v, times=wanted, t0=t0, t_end=t_end, method=method, dt=dt, formalism=formalism)
+        return _trajectories(scene, wanted, found, method, formalism, dt, started)
     x0 = np.hstack([scene.equations().project(q), v, np.zeros((len(q), 1))])
 
     # Blocks of lanes; beyond the last state, the last again.
@@ -122,9 +126,25 @@ def simulate_many(
             f"look at q0[{bad}] with `simulate`"
         ) from cause
     found = crowd.results.transpose(0, 3, 1, 2).reshape(-1, len(wanted), x0.shape[1])[: len(x0)]
+    return _trajectories(scene, wanted, found, method, formalism, dt, started)
+
+
+def _trajectories(scene: Scene, t: Array, x: Array, method: str, formalism: str, dt: float, started: float) -> Trajectories:
     nq, nv = scene.robot.nq, scene.robot.nv
     stats = {"method": method, "formalism": formalism, "dt": dt, "wall_time": time.perf_counter() - started, "completed": True}
-    return Trajectories(scene, wanted, found[..., :nq], found[..., nq : nq + nv], found[..., nq + nv], stats)
+    return Trajectories(scene, t, x[..., :nq], x[..., nq : nq + nv], x[..., nq + nv], stats)
+
+
+def _one_by_one(scene: Scene, q: Array, v: Array, **options: Any) -> Array:
+    """The states (N, T, nx), by Python's steps: where no step loop is compiled."""
+    found = np.empty((len(q), len(options["times"]), q.shape[1] + v.shape[1] + 1))
+    for row, (q0, v0) in enumerate(zip(q, v, strict=True)):
+        try:
+            run = simulate(scene, q0=q0, v0=v0, **options)
+        except (ModelError, SimulationError) as error:
+            raise SimulationError(f"trajectory {row}: {error}; look at q0[{row}] with `simulate`") from error
+        found[row] = np.hstack([run.q, run.v, run.work[:, None]])
+    return found
 
 
 def step_times(t0: float, t_end: float, dt: float) -> Array:

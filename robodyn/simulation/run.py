@@ -82,7 +82,7 @@ def simulate(
     inputs.unit_quaternions(scene.equations().side_conditions(state["q0"]))
     x0 = np.concatenate([scene.equations().project(state["q0"]), state["v0"], [0.0]])
     integration = Integration(scene, t0, t_end, x0, wanted, method, formalism, {"rtol": rtol, "atol": atol, "dt": dt})
-    in_native_code = backend == "native" and METHODS[method].tableau is not None and scene.evaluator.compiles(formalism)
+    in_native_code = backend == "native" and METHODS[method].tableau is not None and scene.evaluator.compiles_steps(formalism)
     if not (in_native_code and integration.starts_natively()):
         scene.evaluator.ask(Result(formalism), "numpy", t=t0, q=state["q0"], v=state["v0"], tau=None)
 

@@ -14,7 +14,7 @@ import pytest
 from robodyn.arithmetic import cos, sin
 from robodyn.engine import blocks, kernel as kernels
 from robodyn.engine.kernel import Kernel
-from robodyn.engine.sweeps import MANY, Fill, Forest, Loop, Recorder, Records, Straight, objects
+from robodyn.engine.sweeps import MANY, SUM, Fill, Forest, Loop, Recorder, Records, Straight, objects
 
 SIZES = (1, 2, 0)  # numbers that a node of each kind has in a vector
 
@@ -133,6 +133,18 @@ def loops(program):
 def flat(records):
     """The same records as vectors."""
     return replace(records, rebuild=[objects] * len(records.rebuild))
+
+
+def test_where_nodes_share_an_entry_their_numbers_are_added():
+    wood, rng = Wood(20, 50), np.random.default_rng(20)
+    wood.recorder.inputs("x", (wood.size,))
+    shared = rng.integers(7, size=50)  # two numbers of each node go to entries 2k and 2k + 1
+    kept = wood.outward(lambda kind, p, comes: ((comes[0] + p[0],), objects([comes[0], p[1]])), (1.0,))
+    column = wood.recorder.column(wood.forest, SUM, 2 * shared)
+    found = wood.evaluated({"out": wood.recorder.gathered(kept, column, 14)}, {"x": integers(rng, 3, wood.size)})["out"]
+    expected = np.zeros((7, 2))
+    np.add.at(expected, shared, [*wood.grown(lambda kind, p, comes: ((comes[0] + p[0],), [comes[0], p[1]]), (1.0,))])
+    assert np.array_equal(found, np.tile(expected.ravel(), (3, 1)))
 
 
 def test_entries_that_only_look_alike_at_first_are_not_merged():
@@ -329,6 +341,59 @@ def test_sparse_vectors(count):
         sparse[: 2 * count : 2] = 2 * given[:count]
         expected = wood.grown(lambda kind, p, comes, s: ((comes[0] + s[0],), comes[0] - s[0]), (0.0,), sparse[:, None])
         assert np.array_equal(row, expected)
+
+
+# --- expressions of vectors ---
+
+
+def test_long_sums_become_loops():
+    """A dense product, one sum over everything, and short sums that stay as they are; each with a few terms that are like no other."""
+    rng, n = np.random.default_rng(18), 2 * MANY
+    A = integers(rng, n, n)
+
+    def of(x, y):
+        dense = A @ x
+        dense[3] = dense[3] + y[0] * y[1] * y[2]
+        power = (x * y).sum() - (2.0 * y[5:] - x[1]).sum() + 7.0 - y[2] * y[2] * x[0]
+        return {"dense": dense, "power": np.asarray([power, -power, x[0] - y[0]], dtype=x.dtype)}
+
+    recorder = Recorder()
+    x, y = recorder.inputs("x", (n,)), recorder.inputs("y", (n,))
+    program = recorder.finish({"x": n, "y": n}, of(x, y), ())
+    assert sum(item.program.length for item in program.items if isinstance(item, Straight)) < 60
+    given = {"x": integers(rng, 5, n), "y": integers(rng, 5, n)}
+    found = evaluated(program, given)
+    for r in range(5):
+        for name, expected in of(given["x"][r], given["y"][r]).items():
+            assert np.array_equal(found[name][r], expected), name
+
+
+def test_what_entries_share_is_computed_once():
+    """A sine of one number and a comparison with it in every entry; an entry of two vectors that is there already is not computed again."""
+    n, rng = 3 * MANY, np.random.default_rng(19)
+
+    def of(t, x):
+        wave = sin(t * 3.0)[0]
+        return np.where(t[0] < 2.0, x * wave, -x) * 2.0 + x[7] * x[8] * x[::-1]
+
+    recorder = Recorder()
+    t, x = recorder.inputs("t", (1,)), recorder.inputs("x", (n,))
+    both = of(t, x)
+    region = recorder.vector(both)
+    assert recorder.vector(both) == region
+    assert recorder.vector(both[3:9]) == (region[0], 3)
+    total = objects([both.sum() * 1.0])
+    program = recorder.finish({"t": 1, "x": n}, {"out": both, "total": total}, ())
+    functions = [sum(op == "sin" for op, *_ in code.instructions) for code in program.programs]
+    assert sum(functions) == 1
+    assert sum("sin" in str(item.program.instructions) for item in program.items if isinstance(item, Straight)) == 1
+    given = {"t": np.array([[1.0], [3.0]]), "x": integers(rng, 2, n)}
+    found = evaluated(program, given)
+    for r in range(2):
+        expected = of(given["t"][r], given["x"][r])
+        bound = 4 * np.finfo(float).eps * abs(expected).max()
+        assert np.allclose(found["out"][r], expected, rtol=0, atol=bound)
+        assert abs(found["total"][r, 0] - expected.sum()) < n * bound
 
 
 def test_several_forests_and_what_goes_from_one_to_the_other():
