@@ -43,18 +43,30 @@ _lock = threading.Lock()  # LLVM's context is one for the process
 
 def object_code(ir: str) -> bytes:
     """The object file of a module."""
-    binding = llvm()
     with _lock:
-        module = binding.parse_assembly(ir)
-        name, features = cpu()
-        target = binding.Target.from_default_triple()
-        machine = target.create_target_machine(cpu=name, features=features, opt=2, reloc="pic", codemodel="jitdefault")
-        module.triple, module.data_layout = machine.triple, str(machine.target_data)
-        options = binding.create_pipeline_tuning_options(speed_level=2)
-        options.slp_vectorization = options.loop_vectorization = options.loop_unrolling = False
-        passes = binding.create_pass_builder(machine, options)
-        passes.getModulePassManager().run(module, passes)
+        module, machine = _optimised(ir)
         return machine.emit_object(module)
+
+
+def assembly(ir: str) -> str:
+    """The same, to read."""
+    with _lock:
+        module, machine = _optimised(ir)
+        return machine.emit_assembly(module)
+
+
+def _optimised(ir: str) -> tuple[Any, Any]:
+    binding = llvm()
+    module = binding.parse_assembly(ir)
+    name, features = cpu()
+    target = binding.Target.from_default_triple()
+    machine = target.create_target_machine(cpu=name, features=features, opt=2, reloc="pic", codemodel="jitdefault")
+    module.triple, module.data_layout = machine.triple, str(machine.target_data)
+    options = binding.create_pipeline_tuning_options(speed_level=2)
+    options.slp_vectorization = options.loop_vectorization = options.loop_unrolling = False
+    passes = binding.create_pass_builder(machine, options)
+    passes.getModulePassManager().run(module, passes)
+    return module, machine
 
 
 class Loaded:

@@ -1,6 +1,7 @@
 """Kernels against the formalism they were traced from, and against 50 digits."""
 
 import pickle
+import re
 import threading
 
 import numpy as np
@@ -11,7 +12,7 @@ import robodyn as rd
 from robodyn.engine import blocks, compile as compiler, emit
 from robodyn.engine.kernel import Kernel, load
 from robodyn.evaluate import Evaluator
-from robodyn.questions import ForwardDynamics
+from robodyn.questions import Energies, ForwardDynamics, JointReactions, MassMatrix
 
 SOME = pytest.mark.parametrize("seed", range(12))
 C = 50
@@ -155,6 +156,36 @@ def test_long_programs_are_cut_and_compute_the_same(monkeypatch):
     assert bad == -1
     assert len(program.instructions) > 1000
     assert np.array_equal(found["vdot"], expected["vdot"])
+
+
+@pytest.mark.parametrize("setting", [("WRITTEN_OUT", 0), ("STAGED", 1)])
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+def test_inputs_and_outputs_are_moved_alike_in_every_way(monkeypatch, setting, dtype):
+    c = case(11, n=3)  # a free base: rows of many lengths
+    q, v, tau = (x.astype(dtype) for x in batch_of(c, 37))
+    joints = tuple(range(len(c.robot.joints)))
+    for question in (JointReactions("auto", "child", "total", joints), MassMatrix(), Energies()):
+        program = Evaluator(c.robot, np.array([0, 0, -9.81]), ()).kernel(question).program
+        arrays = {"q": q, "v": v, "tau": tau, "t": np.zeros(1)}
+        with monkeypatch.context() as patched:
+            expected, good = Kernel(program, dtype)((37,), arrays)
+            patched.setattr(blocks, *setting)
+            found, bad = Kernel(program, dtype)((37,), arrays)
+        assert good == bad == -1
+        for name in expected:
+            assert np.array_equal(found[name], expected[name])
+
+
+def test_vectors_do_not_cross_cache_lines():
+    # Frames of functions that spill vectors are aligned: LLVM shows it by what it moves vectors with.
+    c = case(7, n=8)
+    program = Evaluator(c.robot, np.zeros(3), ()).kernel(ForwardDynamics("nonrecursive")).program
+    if (lanes := compiler.lanes()) == 2:
+        pytest.skip("frames are aligned to 16 bytes anyway")
+    text = compiler.assembly(blocks.module(program, lanes)).split("\nrun:")[1]
+    spills = [line.split()[0] for line in text.splitlines() if re.search(r"rsp\)", line) and re.match(r"\s+vmov[au]p", line)]
+    assert len(spills) > 100
+    assert not [name for name in spills if name.startswith("vmovu")]
 
 
 def test_modules_are_what_llvm_accepts_for_every_width():
