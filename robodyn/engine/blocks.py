@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 NAME = "evaluate"  # of the part that `run` calls
 WRITTEN_OUT = 600  # inputs and outputs up to which the code that moves them is written out
-ON_STACK = 4000  # slots up to which they are on the stack
+ON_STACK = 4000  # slots of a program in pieces up to which they are on the stack
 AHEAD = 0.5, 0.95  # the part of a block's instructions during which the lines that staged rows go to are fetched
 STAGED = 1024  # bytes of an output's row from which rows are put together elsewhere first: cache lines would come and go in parts
 LINE = 64  # bytes of a cache line
@@ -40,7 +40,7 @@ def module(program: "Program | Looped", lanes: int, scalar: str = "double") -> s
         _run(c, t, program, lambda *block: _straight(c, t, part.program, constants, *block))
         definitions = constants.definition()
     else:
-        slots, free = _slots(c, t, part.size)
+        slots, free = _slots(c, t, part.size, heap=not isinstance(part, emit.Part) or part.size > ON_STACK)
         _run(c, t, program, lambda *block: _through_slots(c, t, part, slots, *block), free)
         definitions = part.functions()
     arguments = [f"ptr noalias readonly %in{k}, i64 %stride{k}" for k in range(len(program.inputs))]
@@ -195,9 +195,9 @@ def _staged(c: Code, t: Type, program: Program, outs: Rows) -> tuple[Rows, Calla
 # --- in several pieces, or with loops: columns are in slots ---
 
 
-def _slots(c: Code, t: Type, size: int) -> tuple[str, Callable[[], None] | None]:
+def _slots(c: Code, t: Type, size: int, *, heap: bool) -> tuple[str, Callable[[], None] | None]:
     """The name of the workspace, aligned as its vectors are, and what frees it."""
-    if size <= ON_STACK:
+    if not heap:
         name = "%slots"
         c.allocations.append(f"  {name} = alloca {t.float}, i64 {size}, align {t.bytes * t.lanes}")
         return name, None

@@ -29,9 +29,7 @@ INLINED = 3000  # operations of the right-hand side, times its calls, up to whic
 UNROLLED = 48  # entries of a state vector up to which loops over it are written out
 WIDTHS = (8, 4, 2, 1)  # entries of one state that are taken side by side, the most first: whatever the CPU, for the same code
 
-# Of the step size control. A safety of 0.9, as SciPy has it, rejects a fifth of the steps of a falling arm; 0.8 a tenth, for fewer
-# evaluations and smaller errors.
-SAFETY, SHRINK, GROW = 0.8, 0.2, 10.0
+SAFETY, SHRINK, GROW = 0.9, 0.2, 10.0  # of the step size control, as in SciPy
 
 
 @dataclass(frozen=True, eq=False)
@@ -370,7 +368,7 @@ class _Writer:
             self.evaluate(t_new, self.xnew, self.s)
         error = self._error(h)
 
-        # h_new = h · 0.8 · error^(−1/(q + 1)), within 0.2 … 10, and no growth right after a rejection. A NaN counts as a rejection.
+        # h_new = h · 0.9 · error^(−1/(q + 1)), within 0.2 … 10, and no growth right after a rejection. A NaN counts as a rejection.
         power = c.value(f"call double @llvm.pow.f64(double {error}, double {_hex(-1.0 / (m.order + 1))})")
         factor = c.binary("fmul", "double", power, _hex(SAFETY))
         shrink = self.number("shrink")

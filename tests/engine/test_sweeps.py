@@ -609,7 +609,7 @@ def test_code_does_not_grow_with_the_forest():
         assert program.length > n
         return blocks.module(program, 8).splitlines()
 
-    small, large = text(1000), text(3000)
+    small, large = text(200), text(2000)
     assert len(small) == len(large)
     assert sum(a != b for a, b in zip(small, large, strict=True)) < 0.2 * len(small)  # sizes and where things start
 
