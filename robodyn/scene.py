@@ -205,27 +205,29 @@ class Scene:
         the free motion; "total" adds what actuator, damping, spring and friction transmit along the free axes.
         joints: names, all of them if not given: `ground`, fixed and mimic joints included. out: becomes the `array` of the result.
         """
-        indices = self._joints(joints)
+        names, indices = self._joints(joints)
         options = inputs.choice("frame", frame, FRAMES), inputs.choice("part", part, PARTS), indices
         question = questions.JointReactions(inputs.choice("formalism", formalism, FORMALISMS), *options)
         t = inputs.number("t", t)
         tau = self._supplied(t, q, v, tau, backend)
         wrenches = self.evaluator.ask(question, backend, t=t, threads=threads, dtype=dtype, out=out, q=q, v=v, tau=tau)["wrenches"]
-        return Reactions(tuple(self.robot.all_joint_names[i] for i in indices), wrenches, frame, part)
+        return Reactions(names, wrenches, frame, part)
 
     def reactions_of(
         self, q, v, a, u, *, t: float | Array = 0.0, frame: str = "child", part: str = "constraint", joints: Iterable[str] | None = None
     ) -> Reactions:
         """The same at known accelerations a (..., nv) and joints' own forces u (..., nu), as a `Trajectory` holds them."""
-        indices = self._joints(joints)
+        names, indices = self._joints(joints)
         question = questions.KnownReactions(inputs.choice("frame", frame, FRAMES), inputs.choice("part", part, PARTS), indices)
         wrenches = self.evaluator.ask(question, t=t, q=q, v=v, a=a, u=u)["wrenches"]
-        return Reactions(tuple(self.robot.all_joint_names[i] for i in indices), wrenches, frame, part)
+        return Reactions(names, wrenches, frame, part)
 
-    def _joints(self, names: Iterable[str] | None) -> tuple[int, ...]:
+    def _joints(self, names: Iterable[str] | None) -> tuple[tuple[str, ...], tuple[int, ...]]:
+        """Names and numbers of joints, of all if none are named."""
         if isinstance(names, str):
             raise InputError(f"joints={names!r} must be a list of names: joints=[{names!r}]")
-        return tuple(range(len(self.robot.joints))) if names is None else tuple(self.robot.joint_index(name) for name in names)
+        chosen = self.robot.all_joint_names if names is None else tuple(names)
+        return chosen, tuple(map(self.robot.joint_index, chosen))
 
     # --- energies, places ---
 

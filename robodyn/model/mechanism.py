@@ -172,12 +172,13 @@ class Mechanism:
         return self._index("joint", self.all_joint_names, name)
 
     @cached_property
-    def _numbers(self) -> dict[tuple[str, str], int]:
-        tables = (("link", self.link_names), ("joint", self.all_joint_names))
-        return {(kind, name): i for kind, names in tables for i, name in enumerate(names)}
+    def _numbers(self) -> dict[str, dict[str, int]]:
+        tables = {"link": self.link_names, "joint": self.all_joint_names}
+        return {kind: {name: i for i, name in enumerate(names)} for kind, names in tables.items()}
 
     def _index(self, kind: str, names: tuple[str, ...], name: str) -> int:
-        if (kind, name) not in self._numbers:
+        numbers = self._numbers[kind]
+        if name not in numbers:
             from difflib import get_close_matches
 
             close = get_close_matches(str(name), names, n=3)
@@ -187,7 +188,7 @@ class Mechanism:
                 else f"it has {', '.join(names[:12])}{', …' if len(names) > 12 else ''}"
             )
             raise UnknownNameError(f"robot {self.name!r} has no {kind} named {name!r}: {hint}")
-        return self._numbers[kind, name]
+        return numbers[name]
 
     def coordinate_names(self) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
         """Names and units of the entries of q and of v: `elbow_joint`, or `ground.qw` where a joint has several."""

@@ -72,7 +72,7 @@ def test_other_calls_go_to_the_method():
     assert scene.forward_dynamics(q[:0], v[:0], tau[:0]).shape == (0, scene.robot.nv)
     readonly = np.empty_like(v)
     readonly.flags.writeable = False
-    joined = np.empty(v.size + 3)
+    joined = np.zeros(v.size + 3)
     for out in (np.empty_like(v)[:-1], np.empty_like(v)[:, ::-1], readonly, v, joined[1 : 1 + v.size].astype(np.float32), 3):
         with pytest.raises(rd.InputError, match="out"):
             scene.forward_dynamics(q, v, tau, out=out)
@@ -137,3 +137,57 @@ def test_long_work_lets_other_threads_run():
 def test_the_module_is_what_llvm_accepts(optional):
     program = asked()[0].evaluator.kernel(ForwardDynamics("auto")).program
     compiler.llvm().parse_assembly(fastcall.module(program, ("q", "v", "tau"), optional)).verify()
+
+
+QUESTIONS = {
+    "bias_forces": ("qv", {}),
+    "mass_matrix": ("q", {}),
+    "reactions": ("qvx", {"frame": "world", "part": "total"}),
+    "momentum": ("qv", {}),
+    "link_poses": ("q", {}),
+    "kinetic_energy": ("qv", {}),
+    "potential_energy": ("q", {}),
+}
+
+
+@pytest.mark.parametrize("name", QUESTIONS)
+def test_what_is_asked_again_is_answered_alike(name):
+    scene, _ = asked()
+    q, v, x = states(scene.robot, 300)
+    needs, options = QUESTIONS[name]
+    given = {"q": q, "v": v, "x": x}
+
+    def ask(*arrays, **more):
+        found = getattr(scene, name)(*arrays, **options, **more)
+        return getattr(found, "array", found)
+
+    for n in (None, 1, 7, 9, 300):
+        arrays = [given[k][0] if n is None else given[k][:n] for k in needs]
+        first = ask(*arrays, dtype=np.dtype(float))  # as the default, and no plain call
+        for _ in range(3):
+            again = ask(*arrays)
+            assert again.shape == first.shape
+            assert np.array_equal(again, first)
+        if "energy" in name:
+            continue
+        out = np.full_like(first, np.nan)
+        assert ask(*arrays, out=out) is out
+        assert np.array_equal(out, first)
+        strided = np.empty((*first.shape, 2))[..., 0]
+        for wrong in (strided, np.empty((*first.shape, 1)), np.swapaxes(np.empty_like(first), -1, -2) if first.ndim > 1 else q):
+            if wrong.shape != first.shape or not wrong.flags.c_contiguous:
+                with pytest.raises(rd.InputError, match="out"):
+                    ask(*arrays, out=wrong)
+
+
+def test_zeros_stand_for_what_is_not_given_and_bad_numbers_are_named():
+    scene, other = asked()
+    q, v, x = states(scene.robot, 20)
+    for _ in range(3):
+        assert np.array_equal(scene.reactions(q, v).array, other.reactions(q, v, np.zeros_like(v), dtype=np.dtype(float)).array)
+        with pytest.raises(rd.InputError, match=r"tau\[3, 1\]"):
+            scene.reactions(q, v, np.where(np.arange(v.size).reshape(v.shape) == 3 * v.shape[1] + 1, np.inf, x))
+        with pytest.raises(rd.InputError, match="q has the shape"):
+            scene.mass_matrix(q[:, 1:])
+        with pytest.raises(rd.InputError, match="threads=0"):
+            scene.mass_matrix(q, threads=0)
