@@ -18,6 +18,7 @@ from .loads import JointDamping, JointFriction, Load, Sampled
 from .model import Mechanism
 
 EARTH = (0.0, 0.0, -9.81)
+CHOICES = {"formalism": FORMALISMS, "frame": FRAMES, "part": PARTS}
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,9 +206,7 @@ class Scene:
         the free motion; "total" adds what actuator, damping, spring and friction transmit along the free axes.
         joints: names, all of them if not given: `ground`, fixed and mimic joints included. out: becomes the `array` of the result.
         """
-        names, indices = self._joints(joints)
-        options = inputs.choice("frame", frame, FRAMES), inputs.choice("part", part, PARTS), indices
-        question = questions.JointReactions(inputs.choice("formalism", formalism, FORMALISMS), *options)
+        names, question = self._about(questions.JointReactions, joints, formalism=formalism, frame=frame, part=part)
         t = inputs.number("t", t)
         tau = self._supplied(t, q, v, tau, backend)
         wrenches = self.evaluator.ask(question, backend, t=t, threads=threads, dtype=dtype, out=out, q=q, v=v, tau=tau)["wrenches"]
@@ -217,17 +216,25 @@ class Scene:
         self, q, v, a, u, *, t: float | Array = 0.0, frame: str = "child", part: str = "constraint", joints: Iterable[str] | None = None
     ) -> Reactions:
         """The same at known accelerations a (..., nv) and joints' own forces u (..., nu), as a `Trajectory` holds them."""
-        names, indices = self._joints(joints)
-        question = questions.KnownReactions(inputs.choice("frame", frame, FRAMES), inputs.choice("part", part, PARTS), indices)
+        names, question = self._about(questions.KnownReactions, joints, frame=frame, part=part)
         wrenches = self.evaluator.ask(question, t=t, q=q, v=v, a=a, u=u)["wrenches"]
         return Reactions(names, wrenches, frame, part)
 
-    def _joints(self, names: Iterable[str] | None) -> tuple[tuple[str, ...], tuple[int, ...]]:
-        """Names and numbers of joints, of all if none are named."""
-        if isinstance(names, str):
-            raise InputError(f"joints={names!r} must be a list of names: joints=[{names!r}]")
-        chosen = self.robot.all_joint_names if names is None else tuple(names)
-        return chosen, tuple(map(self.robot.joint_index, chosen))
+    @cached_property
+    def _questions(self) -> dict[tuple, questions.Question]:
+        return {}
+
+    def _about(
+        self, kind: type[questions.Question], joints: Iterable[str] | None, **options: str
+    ) -> tuple[tuple[str, ...], questions.Question]:
+        """The names of joints, and the question of a kind about them, put together once."""
+        if isinstance(joints, str):
+            raise InputError(f"joints={joints!r} must be a list of names: joints=[{joints!r}]")
+        names = self.robot.all_joint_names if joints is None else tuple(joints)
+        key = kind, names, *(inputs.choice(name, value, CHOICES[name]) for name, value in options.items())
+        if key not in self._questions:
+            self._questions[key] = kind(joints=tuple(map(self.robot.joint_index, names)), **options)  # type: ignore[call-arg]
+        return names, self._questions[key]
 
     # --- energies, places ---
 
