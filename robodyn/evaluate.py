@@ -3,12 +3,13 @@
 With `looped` the only place that knows both the equations and the engine.
 """
 
+import math
 import threading
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
 from importlib.util import find_spec
-from types import MethodType
+from types import FunctionType, MethodType
 from typing import Any
 
 import numpy as np
@@ -52,9 +53,7 @@ class Evaluator:
         self._kernels: dict[tuple[Question, np.dtype], Kernel] = {}
         self.step_loops: dict[tuple, Any] = {}  # compiled integrators, by what `simulation.native` compiles them for
         self._spare: dict[Question, Program | Looped] = {}
-        self._shortcuts: dict[
-            Question, tuple[Any, str, tuple[int, ...], object]
-        ] = {}  # function, its array's name and shape, what it needs
+        self._shortcuts: dict[Question, tuple[Any, str, tuple[int, ...]]] = {}  # a built-in function, its array's name and shape
         self._lock, self._hastening = threading.Lock(), threading.Lock()
 
     def views(self, backend: str = "numpy") -> Views:
@@ -109,7 +108,7 @@ class Evaluator:
         if question not in self._shortcuts:
             self._prepare(question)
             return None
-        function, name, shape, _ = self._shortcuts[question]
+        function, name, shape = self._shortcuts[question]
         given = [arrays[name] for name in question.needs]
         while given and given[-1] is None:
             given.pop()
@@ -119,7 +118,7 @@ class Evaluator:
         if out is not None:
             if type(out) is not np.ndarray or out.shape[-len(shape) :] != shape or not out.flags.c_contiguous:
                 return None
-            flat = out.reshape(*out.shape[: -len(shape)], -1)
+            flat = out.reshape(*out.shape[: -len(shape)], math.prod(shape))
         found = function(*given, threads=threads, out=flat)
         return None if found is None else {name: out if out is not None else found.reshape(found.shape[:-1] + shape)}
 
@@ -131,10 +130,10 @@ class Evaluator:
         with self._hastening:
             if question in self._shortcuts:
                 return
-            function, kept, (name, shape) = None, None, next(iter(shapes.items()))
+            function, (name, shape) = None, next(iter(shapes.items()))
             if len(shapes) == 1 and shape:
-                function, kept = fastcall.bind(kernel, question.needs, _none, optional=len(question.needs) - 1)
-            self._shortcuts[question] = function, name, shape, kept
+                function = fastcall.bind(kernel, question.needs, _none, optional=len(question.needs) - 1)
+            self._shortcuts[question] = function, name, shape
 
     def _written(self, answer: dict[str, Array], out: Array | None, arrays: Mapping[str, object]) -> dict[str, Array]:
         """The answer, its one array moved to `out` where that is given."""
@@ -263,12 +262,14 @@ class Evaluator:
             with np.errstate(all="ignore"):
                 refuse_infinite_loads(equations.loads, State(self.robot, equations.tree, t, q, v))
 
-    def hasten(self, owner: object, name: str, question: Question, arrays: tuple[str, ...], optional: int) -> None:
+    def hasten(self, owner: object, method: FunctionType, question: Question, arrays: tuple[str, ...], optional: int) -> None:
         """From now on, answer an object's plain calls of a method by a built-in function: its attribute stands before the class's.
 
         arrays: the method's first arguments, of which the last `optional` may be left out; any other call goes to the method as before.
+        Not where a subclass has a method of its own: that one is to be called.
         """
-        if name in owner.__dict__ or DEFAULT != "native" or not fastcall.supported():
+        name = method.__name__
+        if name in owner.__dict__ or getattr(type(owner), name) is not method or DEFAULT != "native" or not fastcall.supported():
             return
         if not self.compiles(getattr(question, "formalism", None)):
             return
@@ -278,8 +279,7 @@ class Evaluator:
             return
         with self._hastening:
             if name not in owner.__dict__:  # another thread may have been first: what it put there may be running already
-                function, kept = fastcall.bind(kernel, arrays, MethodType(getattr(type(owner), name), owner), optional=optional)
-                owner.__dict__.update({f"_kept_for_{name}": kept, name: function})
+                owner.__dict__[name] = fastcall.bind(kernel, arrays, MethodType(method, owner), optional=optional)
 
     # --- kernels ---
 

@@ -1,6 +1,7 @@
 """The door: every array of a user passes here, and leaves as float64 or mpmath numbers of the right shape, finite and admissible."""
 
 from collections.abc import Mapping, Sequence
+from numbers import Integral
 
 import numpy as np
 
@@ -85,9 +86,9 @@ def number(name: str, value: object) -> float:
 
 def thread_count(value: object) -> int | None:
     """How many threads may share the work; None: one per core."""
-    if value is not None and (isinstance(value, bool) or not isinstance(value, int) or value < 1):
+    if value is not None and (isinstance(value, bool) or not isinstance(value, Integral) or value < 1):
         raise InputError(f"threads={value!r} must be a whole number of at least 1, or None for all cores")
-    return value
+    return None if value is None else int(value)
 
 
 def vector3(name: str, value: object) -> Array:
@@ -108,6 +109,7 @@ def checked(robot: Mechanism, arrays: Mapping[str, object], *, objects: bool = F
     q_labels, v_labels = ([name for name, _ in table] for table in robot.coordinate_names())
     found = {}
     for name, value in arrays.items():
+        _given(robot, name, value)
         n, meaning = size(robot, name), {"q": "nq", "q0": "nq", "u": "nu"}.get(name, "nv")
         labels = {"q": q_labels, "q0": q_labels, "u": ()}.get(name, v_labels)
         found[name] = array(name, np.zeros(n) if value is None else value, n, f"{meaning} of {robot.name!r}", labels, objects=objects)
@@ -115,11 +117,18 @@ def checked(robot: Mechanism, arrays: Mapping[str, object], *, objects: bool = F
     return {name: np.broadcast_to(x, (*batch, x.shape[-1])) for name, x in found.items()}
 
 
+def _given(robot: Mechanism, name: str, value: object) -> None:
+    """InputError for coordinates that are not there: velocities and forces may be left out, for zeros."""
+    if value is None and name == "q":
+        raise InputError(f"q is None: give the joint coordinates (..., {robot.nq}), such as robot.neutral()")
+
+
 def quick(robot: Mechanism, arrays: Mapping[str, object]) -> tuple[tuple[int, ...], dict[str, Array]]:
     """The leading dimensions and the arrays of a question, checked but for their values: the kernel looks at those."""
     found, batches = {}, set()
     for name, value in arrays.items():
         n = size(robot, name)
+        _given(robot, name, value)
         x = np.zeros(n) if value is None else as_array(name, value)
         if x.dtype.kind not in "fiu" or x.shape[-1:] != (n,):
             checked(robot, arrays)  # says what is wrong

@@ -4,6 +4,7 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
+from types import FunctionType
 from typing import Self
 
 from .arithmetic import Array
@@ -11,6 +12,8 @@ from .formalism.reactions import Reactions
 from .model import Mechanism
 from .questions import ForwardDynamics, InverseDynamics, Question
 from .scene import EARTH, Scene
+
+REMEMBERED = 8  # scenes of other gravities than the Earth's whose kernels a robot keeps
 
 
 def load(
@@ -44,9 +47,11 @@ class Robot(Mechanism):
         """The robot with a mechanism's data."""
         return cls(**{f.name: getattr(mechanism, f.name) for f in fields(mechanism)})
 
-    def _hasten(self, name: str, question: Question, arrays: tuple[str, ...], gravity: object, options: Iterable[str], optional: int = 0):
+    def _hasten(
+        self, method: FunctionType, question: Question, arrays: tuple[str, ...], gravity: object, options: Iterable[str], optional: int = 0
+    ):
         if gravity is EARTH and all(option in ("threads", "out") for option in options):
-            self._on_earth.evaluator.hasten(self, name, question, arrays, optional)
+            self._on_earth.evaluator.hasten(self, method, question, arrays, optional)
 
     def __getstate__(self) -> dict[str, object]:
         return {f.name: getattr(self, f.name) for f in fields(self)}
@@ -58,17 +63,28 @@ class Robot(Mechanism):
     def _on_earth(self) -> Scene:
         return Scene(self, declared=False)
 
+    @cached_property
+    def _elsewhere(self) -> dict[tuple[float, ...], Scene]:
+        return {EARTH: self._on_earth}
+
     def _bare(self, gravity: Array | Sequence[float]) -> Scene:
-        return self._on_earth if gravity is EARTH else Scene(self, gravity=gravity, declared=False)
+        """The scene under a gravity, with its kernels where it is one of the last."""
+        if gravity is EARTH:
+            return self._on_earth
+        scene = Scene(self, gravity=gravity, declared=False)
+        key = tuple(map(float, scene.gravity))
+        if key not in self._elsewhere and len(self._elsewhere) > REMEMBERED:
+            self._elsewhere.pop(list(self._elsewhere)[1], None)
+        return self._elsewhere.setdefault(key, scene)
 
     def forward_dynamics(self, q, v, tau=None, *, gravity: Array | Sequence[float] = EARTH, **options) -> Array:
         """η̇ (..., nv) under the joint forces tau (..., nv) [N m, N]; see `Scene.forward_dynamics`."""
-        self._hasten("forward_dynamics", ForwardDynamics("auto"), ("q", "v", "tau"), gravity, options, optional=1)
+        self._hasten(Robot.forward_dynamics, ForwardDynamics("auto"), ("q", "v", "tau"), gravity, options, optional=1)
         return self._bare(gravity).forward_dynamics(q, v, tau, **options)
 
     def inverse_dynamics(self, q, v, a, *, gravity: Array | Sequence[float] = EARTH, **options) -> Array:
         """tau (..., nv) [N m, N] for the acceleration a (..., nv); see `Scene.inverse_dynamics`."""
-        self._hasten("inverse_dynamics", InverseDynamics(), ("q", "v", "a"), gravity, options)
+        self._hasten(Robot.inverse_dynamics, InverseDynamics(), ("q", "v", "a"), gravity, options)
         return self._bare(gravity).inverse_dynamics(q, v, a, **options)
 
     def bias_forces(self, q, v, *, gravity: Array | Sequence[float] = EARTH, **options) -> Array:

@@ -1,6 +1,7 @@
 """From LLVM IR to machine code in this process, for the CPU at hand."""
 
 import ctypes
+import os
 import threading
 from collections.abc import Mapping
 from functools import cache
@@ -39,6 +40,8 @@ def lanes() -> int:
 OPTIONS = "opt 2, pic, no vectorizers, no unrolling"  # part of the cache key: change it with what `object_code` does
 
 _lock = threading.Lock()  # LLVM's context is one for the process
+if hasattr(os, "register_at_fork"):  # a child that was born while another thread compiled would wait for it for ever
+    os.register_at_fork(before=_lock.acquire, after_in_parent=_lock.release, after_in_child=_lock.release)
 
 
 def object_code(ir: str) -> bytes:

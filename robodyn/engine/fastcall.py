@@ -57,11 +57,10 @@ def supported() -> bool:
         return False
 
 
-def bind(kernel: Kernel, arrays: Sequence[str], fallback: Callable[..., Any], *, optional: int = 0) -> tuple[Any, object]:
+def bind(kernel: Kernel, arrays: Sequence[str], fallback: Callable[..., Any], *, optional: int = 0) -> Any:
     """A built-in function (*arrays, threads=None, out=None) that computes the kernel's one output; `fallback` takes every other call.
 
     arrays: the inputs that are arguments, in order; the last `optional` of them may be left out, and are then zero like all other inputs.
-    Also returns what must live as long as the function: CPython keeps pointers into it.
     """
     loaded = load(module(kernel.program, tuple(arrays), optional))
     table = (ctypes.c_void_p * len(TABLE)).from_address(loaded.address("table"))
@@ -90,13 +89,43 @@ def bind(kernel: Kernel, arrays: Sequence[str], fallback: Callable[..., Any], *,
     return _builtin(fallback, loaded)
 
 
-def _builtin(fallback: Callable[..., Any], loaded: Loaded) -> tuple[Any, object]:
-    name, doc = fallback.__name__.encode(), (fallback.__doc__ or "").encode()
-    definition = _MethodDef(name, loaded.address("call"), METH_FASTCALL | METH_KEYWORDS, doc)
+class _Answering:
+    """What a built-in function belongs to: it answers calls that are not plain, and keeps the code alive."""
+
+    def __init__(self, method: Callable[..., Any], code: Loaded) -> None:
+        self._method, self._code = method, code
+
+    def __call__(self, *arguments: Any, **keywords: Any) -> Any:
+        return self._method(*arguments, **keywords)
+
+    def __reduce__(self) -> tuple:
+        # A built-in function is pickled as an attribute of what it belongs to: the object whose method it stands before.
+        return _itself, (self._method.__self__,)  # type: ignore[attr-defined]
+
+
+def _itself(owner: object) -> object:
+    return owner
+
+
+def _builtin(fallback: Callable[..., Any], loaded: Loaded) -> Any:
+    name, doc = _text(fallback.__name__), _text(fallback.__doc__ or "")
+    # CPython reads a function's definition when that is freed, be it after all else of a cycle or at its own end: definitions stay.
+    definition = _immortal(_MethodDef(name, loaded.address("call"), METH_FASTCALL | METH_KEYWORDS, doc))
     new = ctypes.pythonapi.PyCFunction_NewEx
     new.restype, new.argtypes = ctypes.py_object, [ctypes.c_void_p, ctypes.py_object, ctypes.c_void_p]
-    function = new(ctypes.addressof(definition), fallback, None)
-    return function, (definition, name, doc, loaded)
+    return new(ctypes.addressof(definition), _Answering(fallback, loaded), None)
+
+
+@cache
+def _text(text: str) -> bytes:
+    """The same bytes for the same text, for ever."""
+    return _immortal(text.encode())
+
+
+def _immortal(x: Any) -> Any:
+    """x, with a reference that nobody gives back."""
+    ctypes.pythonapi.Py_IncRef(ctypes.py_object(x))
+    return x
 
 
 def _address(symbol: str) -> int:

@@ -5,14 +5,15 @@ import math
 import os
 import threading
 from collections.abc import Callable, Mapping
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
+from functools import cache
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from ..arithmetic import Array
-from . import blocks, cache, emit
+from . import blocks, cache as disk, emit
 from .compile import OPTIONS, Loaded, cpu, lanes, llvm, object_code
 from .program import Program
 from .sweeps import Looped
@@ -54,19 +55,24 @@ class Kernel:
         outs = [(outputs[name].ctypes.data, size) for name, size in sizes.items()]
         item = self.dtype.itemsize
 
-        def part(first: int, last: int) -> int:
+        def part(first: int, last: int, _: object = (rows, outputs)) -> int:
+            # Holds the arrays: an interrupted call must not take them away from threads that still read and write them.
             arguments = [a for pointer, stride in ins for a in (pointer + item * stride * first, stride)]
             bad = run(*arguments, *(pointer + item * size * first for pointer, size in outs), last - first)
             return first + bad if bad >= 0 else -1
 
         workers = n * self.program.length // WORK if n >= 2 * width and threads != 1 else 1
-        workers = min(workers, threads or os.cpu_count() or 1) if workers > 1 else 1
+        workers = min(workers, threads or os.cpu_count() or 1, MOST_THREADS) if workers > 1 else 1
         if workers <= 1:
             return outputs, part(0, n)
         # Chunks are whole blocks of lanes; the last takes what is left over.
         size = n // (workers * width) * width
         ends = [*range(size, size * workers, size), n]
-        parts = _pool(workers).map(part, range(0, size * workers, size), ends)
+        futures = [_pool().submit(part, first, last) for first, last in zip(range(0, size * workers, size), ends, strict=True)]
+        try:
+            parts = [future.result() for future in futures]
+        finally:
+            wait(futures)
         return outputs, min((b for b in parts if b >= 0), default=-1)
 
     def on_code(self, listener: Callable[[int, Any], None]) -> None:
@@ -101,11 +107,11 @@ class Kernel:
 def load(ir: str, tables: Mapping[str, Array] = MappingProxyType({})) -> Loaded:
     """Machine code of a module, from the cache where it is there, its pointers set to the tables of their names."""
     version = ".".join(map(str, llvm().llvm_version_info))
-    name = cache.key(ir, version, llvm().get_default_triple(), *cpu(), OPTIONS)
-    code = cache.get(name)
+    name = disk.key(ir, version, llvm().get_default_triple(), *cpu(), OPTIONS)
+    code = disk.get(name)
     if code is None:
         code = object_code(ir)
-        cache.put(name, code)
+        disk.put(name, code)
     return Loaded(code, tables)
 
 
@@ -123,14 +129,14 @@ def _rows(x: Array, batch: tuple[int, ...], size: int, dtype: np.dtype) -> tuple
         return np.ascontiguousarray(x, dtype=dtype), stride
 
 
-_pools: dict[int, ThreadPoolExecutor] = {}
+MOST_THREADS = 256
 
 
-def _pool(workers: int) -> ThreadPoolExecutor:
-    if workers not in _pools:
-        _pools[workers] = ThreadPoolExecutor(workers, thread_name_prefix="robodyn")
-    return _pools[workers]
+@cache
+def _pool() -> ThreadPoolExecutor:
+    """Threads for all kernels: as many as work at a time."""
+    return ThreadPoolExecutor(MOST_THREADS, thread_name_prefix="robodyn")
 
 
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_pools.clear)  # a child has no threads of its parent's
+    os.register_at_fork(after_in_child=_pool.cache_clear)  # a child has no threads of its parent's

@@ -16,6 +16,7 @@ from ..arithmetic import Array
 from ..engine.compile import lanes
 from ..equations import FORMALISMS, SADDLES
 from ..errors import InputError, ModelError, RobodynError, SimulationError
+from ..evaluate import DEFAULT
 from ..model import Mechanism
 from ..questions import Evolution, Result
 from ..scene import Scene
@@ -88,7 +89,7 @@ def simulate_many(
     if q.ndim != 2:
         raise InputError(f"q0 and v0 have the leading dimensions {q.shape[:-1]}: give (N, nq) and (N, nv)")
     inputs.unit_quaternions(scene.equations().side_conditions(q))
-    if not scene.evaluator.compiles_steps(formalism):
+    if DEFAULT != "native" or not scene.evaluator.compiles_steps(formalism):
         started = time.perf_counter()
         found = _one_by_one(scene, q, v, times=wanted, t0=t0, t_end=t_end, method=method, dt=dt, formalism=formalism)
         return _trajectories(scene, wanted, found, method, formalism, dt, started)

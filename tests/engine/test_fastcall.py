@@ -1,5 +1,9 @@
 """The built-in functions that answer plain calls: the same answers, errors and references as the methods they stand before."""
 
+import copy
+import os
+import pickle
+import subprocess
 import sys
 import threading
 import types
@@ -191,3 +195,83 @@ def test_zeros_stand_for_what_is_not_given_and_bad_numbers_are_named():
             scene.mass_matrix(q[:, 1:])
         with pytest.raises(rd.InputError, match="threads=0"):
             scene.mass_matrix(q, threads=0)
+
+
+class Damped(rd.Robot):
+    """A robot whose user changed a method."""
+
+    def forward_dynamics(self, q, v, tau=None, **options):
+        return super().forward_dynamics(q, v, (0 if tau is None else tau) - 10 * np.asarray(v), **options)
+
+
+def test_methods_of_subclasses_are_called():
+    robot = case(2).robot
+    q, v, tau = (x[0] for x in states(robot, 1))
+    damped = Damped.of(robot)
+    for _ in range(3):
+        assert np.array_equal(damped.forward_dynamics(q, v, tau), robot.forward_dynamics(q, v, tau - 10 * v))
+
+
+def test_methods_can_be_pickled_after_use():
+    robot = case(2).robot
+    q, v, tau = (x[0] for x in states(robot, 1))
+    for _ in range(2):
+        expected = robot.forward_dynamics(q, v, tau)
+    again = pickle.loads(pickle.dumps(robot.forward_dynamics))
+    assert np.array_equal(again(q, v, tau), expected)
+    assert np.array_equal(copy.deepcopy(robot).forward_dynamics(q, v, tau), expected)
+
+
+def test_robots_are_collected_whole():
+    """In memory that is overwritten when freed: what CPython reads of a function last must still be there."""
+    code = """
+import gc, numpy as np, robodyn as rd
+for n in range(5):
+    robot = rd.random_robot(np.random.default_rng(3), 3)
+    q, v = robot.random_state(np.random.default_rng(0))
+    for _ in range(3):
+        robot.forward_dynamics(q, v); robot.mass_matrix(q); method = robot.inverse_dynamics
+    del robot
+    gc.collect()
+    print(method(q, v, v).sum())
+"""
+    environment = {**os.environ, "PYTHONMALLOC": "malloc", "MALLOC_PERTURB_": "255"}
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=False)
+    assert done.returncode == 0, done.stderr[-2000:]
+
+
+def test_results_of_no_states_have_a_place_too():
+    robot = case(2).robot
+    empty = np.empty((0, len(robot.link_names), 4, 4))
+    for _ in range(3):
+        assert robot.link_poses(np.zeros((0, robot.nq)), out=empty) is empty
+
+
+def test_another_gravity_keeps_its_kernels(monkeypatch):
+    robot = case(2).robot
+    q, v, _ = (x[0] for x in states(robot, 1))
+    expected = robot.forward_dynamics(q, v, gravity=(0, 0, -1.62))
+    assert np.array_equal(robot.forward_dynamics(q, v, gravity=[0, 0, -9.81]), robot.forward_dynamics(q, v))
+    monkeypatch.setattr("robodyn.evaluate.Evaluator._traced", None)  # nothing is traced again
+    assert np.array_equal(robot.forward_dynamics(q, v, gravity=np.array([0, 0, -1.62])), expected)
+
+
+def test_an_interrupted_batch_leaves_no_thread_at_work():
+    code = """
+import signal, numpy as np, robodyn as rd
+robot = rd.random_robot(np.random.default_rng(3), 8)
+q = np.tile(robot.neutral(), (300_000, 1)); v = np.ones((len(q), robot.nv))
+robot.forward_dynamics(q[:100], v[:100])
+signal.signal(signal.SIGALRM, lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
+for delay in (0.005, 0.01, 0.02):
+    signal.setitimer(signal.ITIMER_REAL, delay)
+    try:
+        while True:
+            robot.reactions(q.astype(np.float32), v, threads=4)
+    except KeyboardInterrupt:
+        pass
+again = robot.forward_dynamics(q[:100], v[:100], threads=1)
+print(np.isfinite(again).all())
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout.strip()) == (0, "True"), done.stderr[-2000:]
