@@ -261,13 +261,14 @@ def test_an_interrupted_batch_leaves_no_thread_at_work():
 import signal, numpy as np, robodyn as rd
 robot = rd.random_robot(np.random.default_rng(3), 8)
 q = np.tile(robot.neutral(), (300_000, 1)); v = np.ones((len(q), robot.nv))
-robot.forward_dynamics(q[:100], v[:100])
+ask = lambda: robot.reactions(q.astype(np.float32), v.astype(np.float32), threads=4, dtype=np.float32)
+ask()
 signal.signal(signal.SIGALRM, lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
-for delay in (0.005, 0.01, 0.02):
+for delay in np.linspace(0.02, 0.3, 15):
     signal.setitimer(signal.ITIMER_REAL, delay)
     try:
         while True:
-            robot.reactions(q.astype(np.float32), v, threads=4)
+            ask()
     except KeyboardInterrupt:
         pass
 again = robot.forward_dynamics(q[:100], v[:100], threads=1)
