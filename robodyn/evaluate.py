@@ -262,11 +262,11 @@ class Evaluator:
             with np.errstate(all="ignore"):
                 refuse_infinite_loads(equations.loads, State(self.robot, equations.tree, t, q, v))
 
-    def hasten(self, owner: object, method: FunctionType, question: Question, arrays: tuple[str, ...], optional: int) -> None:
+    def hasten(self, owner: object, method: FunctionType, question: Question) -> None:
         """From now on, answer an object's plain calls of a method by a built-in function: its attribute stands before the class's.
 
-        arrays: the method's first arguments, of which the last `optional` may be left out; any other call goes to the method as before.
-        Not where a subclass has a method of its own: that one is to be called.
+        The method's first arguments are what the question needs; any call that gives it more than `threads` and `out` beside goes to the
+        method as before. Not where a subclass has a method of its own: that one is to be called.
         """
         name = method.__name__
         if name in owner.__dict__ or getattr(type(owner), name) is not method or DEFAULT != "native" or not fastcall.supported():
@@ -279,7 +279,8 @@ class Evaluator:
             return
         with self._hastening:
             if name not in owner.__dict__:  # another thread may have been first: what it put there may be running already
-                owner.__dict__[name] = fastcall.bind(kernel, arrays, MethodType(method, owner), optional=optional)
+                optional = len(method.__defaults__ or ())
+                owner.__dict__[name] = fastcall.bind(kernel, question.needs, MethodType(method, owner), optional=optional)
 
     # --- kernels ---
 

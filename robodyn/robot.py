@@ -47,11 +47,9 @@ class Robot(Mechanism):
         """The robot with a mechanism's data."""
         return cls(**{f.name: getattr(mechanism, f.name) for f in fields(mechanism)})
 
-    def _hasten(
-        self, method: FunctionType, question: Question, arrays: tuple[str, ...], gravity: object, options: Iterable[str], optional: int = 0
-    ):
+    def _hasten(self, method: FunctionType, question: Question, gravity: object, options: Iterable[str]) -> None:
         if gravity is EARTH and all(option in ("threads", "out") for option in options):
-            self._on_earth.evaluator.hasten(self, method, question, arrays, optional)
+            self._on_earth.evaluator.hasten(self, method, question)
 
     def __getstate__(self) -> dict[str, object]:
         return {f.name: getattr(self, f.name) for f in fields(self)}
@@ -79,12 +77,12 @@ class Robot(Mechanism):
 
     def forward_dynamics(self, q, v, tau=None, *, gravity: Array | Sequence[float] = EARTH, **options) -> Array:
         """η̇ (..., nv) under the joint forces tau (..., nv) [N m, N]; see `Scene.forward_dynamics`."""
-        self._hasten(Robot.forward_dynamics, ForwardDynamics("auto"), ("q", "v", "tau"), gravity, options, optional=1)
+        self._hasten(Robot.forward_dynamics, ForwardDynamics("auto"), gravity, options)
         return self._bare(gravity).forward_dynamics(q, v, tau, **options)
 
     def inverse_dynamics(self, q, v, a, *, gravity: Array | Sequence[float] = EARTH, **options) -> Array:
         """tau (..., nv) [N m, N] for the acceleration a (..., nv); see `Scene.inverse_dynamics`."""
-        self._hasten(Robot.inverse_dynamics, InverseDynamics(), ("q", "v", "a"), gravity, options)
+        self._hasten(Robot.inverse_dynamics, InverseDynamics(), gravity, options)
         return self._bare(gravity).inverse_dynamics(q, v, a, **options)
 
     def bias_forces(self, q, v, *, gravity: Array | Sequence[float] = EARTH, **options) -> Array:

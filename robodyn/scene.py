@@ -137,7 +137,7 @@ class Scene:
         """
         question, t = questions.ForwardDynamics(inputs.choice("formalism", formalism, FORMALISMS)), inputs.number("t", t)
         if formalism == "auto" and self._plain(t, backend, dtype):
-            self.evaluator.hasten(self, Scene.forward_dynamics, question, ("q", "v", "tau"), optional=1)
+            self.evaluator.hasten(self, Scene.forward_dynamics, question)
         tau = self._supplied(t, q, v, tau, backend)
         return self.evaluator.ask(question, backend, t=t, threads=threads, dtype=dtype, out=out, q=q, v=v, tau=tau)["vdot"]
 
@@ -158,7 +158,7 @@ class Scene:
         """tau (..., nv) [N m, N] that the joints must supply, beside the loads, for the acceleration a (..., nv)."""
         question, t = questions.InverseDynamics(), inputs.number("t", t)
         if self._plain(t, backend, dtype):
-            self.evaluator.hasten(self, Scene.inverse_dynamics, question, ("q", "v", "a"), optional=0)
+            self.evaluator.hasten(self, Scene.inverse_dynamics, question)
         tau = self.evaluator.ask(question, backend, t=t, threads=threads, dtype=dtype, out=out, q=q, v=v, a=a)["tau"]
         if (answered := self._answered(t, q, v, backend)) is not None:
             tau[...] = tau - answered

@@ -48,7 +48,9 @@ def object_code(ir: str) -> bytes:
     """The object file of a module."""
     with _lock:
         module, machine = _optimised(ir)
-        return machine.emit_object(module)
+        code = machine.emit_object(module)
+        del module, machine  # LLVM frees them, with llvmlite's own lock: before a fork may go on
+    return code
 
 
 def assembly(ir: str) -> str:
@@ -83,6 +85,7 @@ class Loaded:
             self._engine = binding.create_mcjit_compiler(module, machine)
             self._engine.add_object_file(binding.object_file.ObjectFileRef.from_data(code))
             self._engine.finalize_object()
+            del module, machine
         self._tables = tables
         for name, table in tables.items():
             ctypes.c_void_p.from_address(self.address(name)).value = table.ctypes.data

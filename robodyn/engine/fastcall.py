@@ -6,6 +6,7 @@ layouts and sizes, a result that is not trusted) goes to a Python function inste
 """
 
 import ctypes
+import inspect
 import sys
 import sysconfig
 from collections.abc import Callable, Iterator, Sequence
@@ -108,12 +109,22 @@ def _itself(owner: object) -> object:
 
 
 def _builtin(fallback: Callable[..., Any], loaded: Loaded) -> Any:
-    name, doc = _text(fallback.__name__), _text(fallback.__doc__ or "")
+    name, doc = _text(fallback.__name__), _text(_described(fallback))
     # CPython reads a function's definition when that is freed, be it after all else of a cycle or at its own end: definitions stay.
     definition = _immortal(_MethodDef(name, loaded.address("call"), METH_FASTCALL | METH_KEYWORDS, doc))
     new = ctypes.pythonapi.PyCFunction_NewEx
     new.restype, new.argtypes = ctypes.py_object, [ctypes.c_void_p, ctypes.py_object, ctypes.c_void_p]
     return new(ctypes.addressof(definition), _Answering(fallback, loaded), None)
+
+
+def _described(fallback: Callable[..., Any]) -> str:
+    """The docstring behind a signature, as CPython keeps them together; of defaults only what can be spelt."""
+    found = []
+    for parameter in inspect.signature(fallback).parameters.values():
+        spelt = parameter.default is inspect.Parameter.empty or isinstance(parameter.default, (int, float, str, tuple, type(None)))
+        found.append(parameter.replace(annotation=inspect.Parameter.empty, default=parameter.default if spelt else None))
+    text = str(inspect.Signature(found))[1:]
+    return f"{fallback.__name__}($self, {text}\n--\n\n{inspect.getdoc(fallback) or ''}"
 
 
 @cache

@@ -2,7 +2,7 @@
 
 Reduction by multiples of π/2 (Cody and Waite) in fused multiply-adds, with the rounding of the reduced argument carried along;
 then the minimax polynomials on [−π/4, π/4] of fdlibm (Sun Microsystems, 1993). Beyond |x| = 1e5 the reduction would lose
-digits: such arguments take a slow, exact path through the C library, one lane at a time.
+digits: such arguments take a slow path through the C library, one lane at a time, and are as good as its reduction.
 """
 
 import struct

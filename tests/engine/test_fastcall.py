@@ -1,6 +1,7 @@
 """The built-in functions that answer plain calls: the same answers, errors and references as the methods they stand before."""
 
 import copy
+import inspect
 import os
 import pickle
 import subprocess
@@ -210,6 +211,45 @@ def test_methods_of_subclasses_are_called():
     damped = Damped.of(robot)
     for _ in range(3):
         assert np.array_equal(damped.forward_dynamics(q, v, tau), robot.forward_dynamics(q, v, tau - 10 * v))
+
+
+@pytest.mark.parametrize("kind", ["robot", "scene"])
+def test_help_still_shows_the_arguments(kind):
+    scene, _ = asked()
+    owner, (q, v, x) = getattr(scene, kind, scene), (x[0] for x in states(scene.robot, 1))
+    for name in ("forward_dynamics", "inverse_dynamics"):
+        before = inspect.signature(getattr(owner, name))
+        getattr(owner, name)(q, v, x)
+        function = getattr(owner, name)
+        assert isinstance(function, types.BuiltinFunctionType)
+        after = inspect.signature(function)
+        assert [(p.name, p.kind) for p in after.parameters.values()] == [(p.name, p.kind) for p in before.parameters.values()]
+        assert function.__doc__.startswith(inspect.getdoc(getattr(type(owner), name))[:20])
+
+
+def test_a_fork_waits_for_another_threads_compiler():
+    code = """
+import os, signal, threading, time, numpy as np, robodyn as rd
+small, large = (rd.random_robot(np.random.default_rng(3), n) for n in (2, 25))
+ask = lambda robot: robot.forward_dynamics(robot.neutral(), np.zeros(robot.nv))
+small.reactions(small.neutral(), np.zeros(small.nv))
+from robodyn.engine import compile as compiler
+compiling, whole = threading.Event(), compiler._optimised
+compiler._optimised = lambda ir: (compiling.set(), whole(ir))[1]
+thread = threading.Thread(target=ask, args=(large,))
+thread.start()
+compiling.wait()
+time.sleep(0.01)
+child = os.fork()
+if not child:
+    signal.alarm(20)
+    os._exit(0 if np.isfinite(ask(small)).all() else 1)
+thread.join()
+print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+"""
+    environment = {**os.environ, "ROBODYN_CACHE": "off"}
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=False)
+    assert done.stdout.strip() == "0", done.stderr[-2000:]
 
 
 def test_methods_can_be_pickled_after_use():
