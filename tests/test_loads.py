@@ -502,6 +502,19 @@ NO_FORCES = {
 }
 
 
+def refused_everywhere(scene, q, v, backend, message):
+    """At one state and at several, in reactions and in simulations."""
+    for ask in (
+        lambda: scene.forward_dynamics(q, v, t=0.5, backend=backend),
+        lambda: scene.forward_dynamics([q, q], v, backend=backend),
+        lambda: scene.reactions(q, v, backend=backend),
+        lambda: rd.simulate(scene, t_end=0.1, v0=v, backend=backend),
+        lambda: rd.simulate_many(scene, t_end=0.1, v0=v),
+    ):
+        with pytest.raises(rd.InputError, match=message):
+            ask()
+
+
 def three():
     return rd.random_robot(np.random.default_rng(5), 3, joint_types=("revolute",))
 
@@ -514,14 +527,7 @@ def test_laws_that_return_no_forces_are_refused(fault, backend):
     (law, message), robot = NO_FORCES[fault], three()
     q = v = np.full(3, 0.2)
     scene = rd.Scene(robot, loads=[rd.ControlLaw(law)])
-    for ask in (
-        lambda: scene.forward_dynamics(q, v, t=0.5, backend=backend),
-        lambda: scene.reactions(q, v, backend=backend),
-        lambda: rd.simulate(scene, t_end=0.1, v0=v, backend=backend),
-        lambda: rd.simulate_many(scene, t_end=0.1, v0=v),
-    ):
-        with pytest.raises(rd.InputError, match=f"control law.*{message}"):
-            ask()
+    refused_everywhere(scene, q, v, backend, f"control law.*{message}")
     scene = rd.Scene(robot, loads=[rd.Sampled(law, 0.01)])
     with pytest.raises(rd.InputError, match=f"sampled control law.*{message}"):
         scene.forward_dynamics(q, v, backend=backend)
@@ -675,14 +681,7 @@ def test_loads_that_return_no_forces_are_refused(fault, backend):
     (load, message), robot = ODD[fault], three()
     q = v = np.full(3, 0.2)
     scene = rd.Scene(robot, loads=[load])
-    for ask in (
-        lambda: scene.forward_dynamics(q, v, backend=backend),
-        lambda: scene.forward_dynamics([q, q], v, backend=backend),
-        lambda: rd.simulate(scene, t_end=0.1, v0=v, backend=backend),
-        lambda: rd.simulate_many(scene, t_end=0.1, v0=v),
-    ):
-        with pytest.raises(rd.InputError, match=message):
-            ask()
+    refused_everywhere(scene, q, v, backend, message)
 
 
 @pytest.mark.parametrize("backend", ["native", "numpy"])
