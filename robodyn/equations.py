@@ -47,7 +47,7 @@ class Equations:
     tree: Tree
     gravity: Array  # (3,)
     loads: Sequence[Load]
-    minimal: Minimal | None = None  # what `nonrecursive` solves for η̇ on instead of the tree, where it is there
+    minimal: Minimal | None = None  # of the lumped tree: what `nonrecursive` solves for η̇ on, where it is there
 
     # --- what acts ---
 
@@ -89,12 +89,18 @@ class Equations:
 
     # --- how it moves ---
 
-    def accelerate(self, q: Array, v: Array, acts: Applied, formalism: str) -> Solution:
-        """η̇ by the named route; the saddle-point routes have no pivots to show."""
+    def accelerate(self, q: Array, v: Array, acts: Applied, formalism: str, *, carried: bool = False) -> Solution:
+        """η̇ by the named route; the saddle-point routes have no pivots to show.
+
+        carried: what joints carry is wanted as well, so k̂ of "nonrecursive" had better come from the bodies as they are.
+        """
         if formalism == "auto":
             formalism = self.cheapest
         if formalism == "nonrecursive" and self.minimal:
-            return nonrecursive(self.minimal.tree, q, v, acts.tau, self.minimal.wrenches(acts.wrenches), self.gravity)
+            least = self.minimal
+            if carried:
+                return nonrecursive(self.tree, q, v, acts.tau, acts.wrenches, self.gravity, inertias=least.tree)
+            return nonrecursive(least.tree, q, v, acts.tau, least.wrenches(acts.wrenches), self.gravity)
         if formalism in SWEEPS:
             return SWEEPS[formalism](self.tree, q, v, acts.tau, acts.wrenches, self.gravity)
         _, _, vdot = SADDLES[formalism](self.tree, q, v, acts.u, acts.wrenches, self.gravity)
@@ -140,11 +146,21 @@ class Equations:
         return bias_forces(self.tree, kinematics.motion(self.tree, q, v), wrenches, self.gravity)
 
     def reactions(
-        self, t: Array | float, q: Array, v: Array, vdot: Array, u: Array, frame: str, part: str, joints: tuple[int, ...]
+        self,
+        q: Array,
+        v: Array,
+        vdot: Array,
+        u: Array,
+        wrenches: dict[int, Array],
+        *,
+        frame: str,
+        part: str,
+        joints: tuple[int, ...],
+        from_rest: bool = False,
     ) -> Array:
         """Wrenches (..., n, 6) of the joints with these indices at η̇ and joint forces u (..., nu); `self.tree` must be open at each."""
         state = kinematics.motion(self.tree, q, v)
-        total = joint_wrenches(self.tree, state, vdot, self.wrenches(t, q, v), self.gravity)
+        total = joint_wrenches(self.tree, state, vdot, wrenches, self.gravity, from_rest=from_rest)
         return reactions(self.tree, state, q, total, u, frame=frame, part=part, joints=joints)
 
     # --- energies, places ---
@@ -198,7 +214,8 @@ class Views:
             with precision(self._backend):
                 robot, gravity = (self._robot.exact(), exact(self._gravity)) if self._backend == "mpmath" else (self._robot, self._gravity)
                 tree = lump(robot, cut=fixed)
-            fewest = minimal(tree) if self._backend == "native" and not fixed else None
+            # Cut open or not, it moves alike.
+            fewest = None if self._backend != "native" else self.lumped.minimal if fixed else minimal(tree)
             self._cut[fixed] = Equations(self._robot, tree, gravity, self._loads, fewest)
         return self._cut[fixed]
 

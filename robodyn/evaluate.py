@@ -298,25 +298,29 @@ class Evaluator:
         return self._kernels[key]
 
     def _decided(self, question: Question) -> Question:
-        """The question with "auto" replaced by the formalism of the fewest operations."""
+        """The question with "auto" replaced by the cheapest formalism."""
         if getattr(question, "formalism", "") != "auto":
             return question
         # Where wrenches are asked for as well, what both share counts too.
         wrenches = isinstance(question, JointReactions) and len(self._routes) > 1
-        return replace(question, formalism=_cheapest(self._counted(question)) if wrenches else self.cheapest)  # type: ignore[call-arg]
+        return replace(question, formalism=self._compared(question)[0] if wrenches else self.cheapest)  # type: ignore[call-arg]
 
     @cached_property
     def operations(self) -> dict[str, int]:
         """Floating-point operations of forward dynamics by each formalism that is compiled for this scene."""
-        return self._counted(ForwardDynamics("auto"))
+        return self._motion[1]
 
-    def _counted(self, question: Question) -> dict[str, int]:
+    @cached_property
+    def _motion(self) -> tuple[str, dict[str, int]]:
+        return self._compared(ForwardDynamics("auto"))
+
+    def _compared(self, question: Question) -> tuple[str, dict[str, int]]:
+        """The cheapest formalism for a question, and the operations of each."""
         asked = {route: replace(question, formalism=route) for route in self._routes}  # type: ignore[call-arg]
         programs = {route: self._traced(x) for route, x in asked.items()}
-        operations = {route: x.operations for route, x in programs.items()}
-        best = _cheapest(operations)
+        best = min(programs, key=lambda route: programs[route].cost) if len(programs) > 1 else next(iter(programs))
         self._spare[asked[best]] = programs[best]  # whoever counts is about to compile it
-        return operations
+        return best, {route: x.operations for route, x in programs.items()}
 
     @property
     def _routes(self) -> list[str]:
@@ -324,8 +328,8 @@ class Evaluator:
 
     @cached_property
     def cheapest(self) -> str:
-        """The formalism of the fewest operations for forward dynamics of this scene."""
-        return self._routes[0] if len(self._routes) == 1 else _cheapest(self.operations)
+        """The formalism that is cheapest for forward dynamics of this scene."""
+        return self._routes[0] if len(self._routes) == 1 else self._motion[0]
 
     @cached_property
     def loops(self) -> bool:
@@ -410,10 +414,6 @@ def finished(graph: Graph | Recorder, sizes: Mapping[str, int], outputs: Mapping
 
 def _none(*_: object, **__: object) -> None:
     """What a built-in function is told by where it cannot answer."""
-
-
-def _cheapest(operations: Mapping[str, int]) -> str:
-    return min(operations, key=lambda route: operations[route])
 
 
 def guards_of(robot: Mechanism, views: Views, answer: Answer, q: Array | None, dtype: np.dtype = DOUBLE) -> list[object]:

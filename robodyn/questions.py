@@ -149,10 +149,15 @@ class JointReactions(Question):
         return {"wrenches": (len(self.joints), 6)}
 
     def answer(self, views: Views, t: Array | float, q: Array, v: Array, tau: Array) -> Answer:  # type: ignore[override]
-        acts = views.lumped.applied(t, q, v, tau)
-        solution = views.lumped.accelerate(q, v, acts, self.formalism)
-        known = KnownReactions(self.frame, self.part, self.joints)
-        return Answer(known.answer(views, t, q, v, solution.vdot, acts.u).values, solution)
+        opened = views.opened_at(self.joints)
+        # The minimal form finds what all bodies need at η̇ = 0 either way: then both are asked of the same bodies.
+        shared = self.formalism == "nonrecursive" and opened.minimal is not None
+        moving = opened if shared else views.lumped
+        acts = moving.applied(t, q, v, tau)
+        solution = moving.accelerate(q, v, acts, self.formalism, carried=shared)
+        wrenches = acts.wrenches if moving is opened else opened.wrenches(t, q, v)
+        shown = {"frame": self.frame, "part": self.part, "joints": self.joints}
+        return Answer({"wrenches": opened.reactions(q, v, solution.vdot, acts.u, wrenches, from_rest=shared, **shown)}, solution)
 
 
 @dataclass(frozen=True)
@@ -168,7 +173,8 @@ class KnownReactions(Question):
         return {"wrenches": (len(self.joints), 6)}
 
     def answer(self, views: Views, t: Array | float, q: Array, v: Array, a: Array, u: Array) -> Answer:  # type: ignore[override]
-        return Answer({"wrenches": views.opened_at(self.joints).reactions(t, q, v, a, u, self.frame, self.part, self.joints)})
+        opened, shown = views.opened_at(self.joints), {"frame": self.frame, "part": self.part, "joints": self.joints}
+        return Answer({"wrenches": opened.reactions(q, v, a, u, opened.wrenches(t, q, v), **shown)})
 
 
 @dataclass(frozen=True)

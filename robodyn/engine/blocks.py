@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 NAME = "evaluate"  # of the part that `run` calls
 WRITTEN_OUT = 600  # inputs and outputs up to which the code that moves them is written out
 ON_STACK = 4000  # slots of a program in pieces up to which they are on the stack
-AHEAD = 0.5, 0.95  # the part of a block's instructions during which the lines that staged rows go to are fetched
-STAGED = 1024  # bytes of an output's row from which rows are put together elsewhere first: cache lines would come and go in parts
+FETCHING = 0.5  # the part of a block's instructions during which the rows of the next are fetched
+LONG = 128  # bytes of a row from which its lines are fetched ahead: of shorter ones the hardware does it
 LINE = 64  # bytes of a cache line
 SUMS = 4  # of what must be finite: a single one would be a chain as long as all inputs and outputs
 
@@ -47,7 +47,7 @@ def module(program: "Program | Looped", lanes: int, scalar: str = "double") -> s
     arguments += [f"ptr noalias %out{k}" for k in range(len(program.outputs))]
     head = f"define i64 @run({', '.join(arguments)}, i64 %count) nounwind {t.frame}"
     lines = [*emit.prologue(t, program), *rows.declarations(t), "declare ptr @malloc(i64)", "declare void @free(ptr)"]
-    lines += ["declare void @llvm.memcpy.p0.p0.i64(ptr, ptr, i64, i1)", "declare void @llvm.prefetch.p0(ptr, i32, i32, i32)"]
+    lines += ["declare void @llvm.prefetch.p0(ptr, i32, i32, i32)"]
     return "\n".join([*lines, "declare i64 @llvm.smin.i64(i64, i64)", *definitions, *c.function(head)]) + "\n"
 
 
@@ -114,7 +114,9 @@ def _run(c: Code, t: Type, program: "Program | Looped", body: Callable[[Rows, Ro
 
 def _straight(c: Code, t: Type, program: Program, constants: Constants, ins: Rows, outs: Rows, checks: _Checks) -> None:
     L, columns = t.lanes, {}
-    outs, fetch, finish = _staged(c, t, program, outs)
+    telling = program.telling
+    told = {tuple(operands) for op, *operands in map(program.instructions.__getitem__, telling) if op == "in"}
+    fetch = _fetching(c, t, program, ins, outs)
 
     def gather(name: str, start: int) -> None:
         pointers = [c.at(t.scalar, pointer, start) for pointer in ins[name]]
@@ -122,7 +124,8 @@ def _straight(c: Code, t: Type, program: Program, constants: Constants, ins: Row
         c.lines += lines
         for k, value in enumerate(values):
             columns[name, start + k] = value
-            checks.finite(value)
+            if (name, start + k) not in told:
+                checks.finite(value)
 
     def load(j: int) -> str:
         _, name, k = program.instructions[j]
@@ -133,10 +136,12 @@ def _straight(c: Code, t: Type, program: Program, constants: Constants, ins: Row
     operand = emit.Operands(program, t, load, constants, c.lines)
 
     def scatter(name: str, start: int) -> None:
-        values = [operand.number(i) for i in program.outputs[name][start : start + L]]
+        group = program.outputs[name][start : start + L]
+        values = [operand.number(i) for i in group]
         c.lines += rows.scattered(t, c.name()[1:], [c.at(t.scalar, pointer, start) for pointer in outs[name]], values)
-        for value in dict.fromkeys(values):
-            checks.finite(value)
+        for i in dict.fromkeys(group):
+            if i not in telling:
+                checks.finite(operand.number(i))
 
     groups = [(name, start) for name, values in program.outputs.items() for start in range(0, len(values), L)]
     missing = {(name, start): set(program.outputs[name][start : start + L]) for name, start in groups}
@@ -163,33 +168,26 @@ def _straight(c: Code, t: Type, program: Program, constants: Constants, ins: Row
         for start in range(0, size, L):
             if (name, start) not in columns:  # not needed, but it has to be finite
                 gather(name, start)
-    finish()
 
 
-def _staged(c: Code, t: Type, program: Program, outs: Rows) -> tuple[Rows, Callable[[int], None], Callable[[], None]]:
-    """Where to scatter a block's rows; what fetches, at instruction i, lines that some go to later; and what then copies those there.
-
-    A block's rows follow each other without gaps.
-    """
-    sizes = {name: t.lanes * t.bytes * len(values) for name, values in program.outputs.items()}
-    staged = {name: f"%{name}.rows" for name, size in sizes.items() if t.lanes > 1 and size >= STAGED * t.lanes}
-    c.allocations += [f"  {at} = alloca i8, i64 {sizes[name]}, align {LINE}" for name, at in staged.items()]
-    here = {name: [c.at("i8", at, i * sizes[name] // t.lanes) for i in range(t.lanes)] for name, at in staged.items()}
-    lines = [(outs[name][0], offset) for name in staged for offset in range(0, sizes[name], LINE)]
-    first, last = (int(part * len(program.instructions)) for part in AHEAD)
-    due = [(first + (last - first) * k // len(lines), line) for k, line in enumerate(lines)]
+def _fetching(c: Code, t: Type, program: Program, ins: Rows, outs: Rows) -> Callable[[int], None]:
+    """What asks, at instruction i, for lines of the next block's rows: they follow this one's, and are there when it begins."""
+    sizes = {name: (ins[name][0], size) for name, size in program.inputs.items()}
+    sizes |= {name: (outs[name][0], len(values)) for name, values in program.outputs.items()}
+    lines = [
+        (first, t.bytes * t.lanes * size + offset)
+        for first, size in sizes.values()
+        if t.lanes > 1 and t.bytes * size >= LONG
+        for offset in range(0, t.bytes * t.lanes * size, LINE)
+    ]
+    due = [(int(FETCHING * len(program.instructions) * k / len(lines)), line) for k, line in enumerate(lines)]
 
     def fetch(i: int) -> None:
         while due and due[0][0] <= i:
-            _, (pointer, offset) = due.pop(0)
-            c.add(f"call void @llvm.prefetch.p0(ptr {c.at('i8', pointer, offset)}, i32 0, i32 2, i32 1)")
+            _, (first, offset) = due.pop(0)
+            c.add(f"call void @llvm.prefetch.p0(ptr {c.at('i8', first, offset)}, i32 0, i32 2, i32 1)")
 
-    def finish() -> None:
-        for name, at in staged.items():
-            arguments = f"ptr align {t.bytes} {outs[name][0]}, ptr align {LINE} {at}, i64 {sizes[name]}, i1 false"
-            c.add(f"call void @llvm.memcpy.p0.p0.i64({arguments})")
-
-    return outs | here, fetch, finish
+    return fetch
 
 
 # --- in several pieces, or with loops: columns are in slots ---

@@ -15,6 +15,12 @@ from .graph import LEAVES, TRIGONOMETRIC, Graph, Scalar
 Instruction = tuple[Any, ...]  # (operation, operand, …), as in a graph; "fma" a·b + c, "fms" a·b − c, "fnma" c − a·b
 
 
+# Operations whose result is not finite where one of their first so many operands is not.
+PASSED_ON = {"add": 2, "sub": 2, "mul": 2, "div": 1, "neg": 1, "fma": 3, "fms": 3, "fnma": 3, "sin": 1, "cos": 1}
+NEAR = 256  # values that the first-level cache has room for beside all else: vectors of 64 bytes in 32 KB
+FAR = 4  # operations in the time that a value from farther away takes
+
+
 @dataclass(frozen=True, eq=False)
 class Program:
     """Straight-line code: value i is what instruction i computes."""
@@ -44,6 +50,37 @@ class Program:
         """Floating-point operations of one evaluation, a fused multiply-add counted as two, functions not at all."""
         weights = {"add": 1, "sub": 1, "mul": 1, "div": 1, "neg": 0, "fma": 2, "fms": 2, "fnma": 2}
         return sum(weights.get(op, 0) for op, *_ in self.instructions)
+
+    @property
+    def telling(self) -> set[int]:
+        """Values that need not be looked at to know whether they are finite: where they are not, neither is an output or a guard."""
+        told: set[int] = set()
+        shown = {i for values in (*self.outputs.values(), self.guards) for i in values}
+        for i in reversed(range(len(self.instructions))):
+            op, *operands = self.instructions[i]
+            if (i in shown or i in told) and op in PASSED_ON:
+                told.update(operands[: PASSED_ON[op]])
+        return told
+
+    @property
+    def cost(self) -> int:
+        """The time of one evaluation, in operations: those, and FAR for each use of a value that NEAR others have been used since."""
+        last = {j: i for i, (op, *operands) in enumerate(self.instructions) if op not in LEAVES for j in operands}
+        near: dict[int, None] = {}  # the latest used last
+        far = 0
+        for i, (op, *operands) in enumerate(self.instructions):
+            if op in LEAVES:
+                continue
+            for j in {j for j in operands if self.instructions[j][0] not in LEAVES}:
+                far += j not in near
+                near.pop(j, None)
+                if last[j] > i:
+                    near[j] = None
+            if i in last:
+                near[i] = None
+            while len(near) > NEAR:
+                del near[next(iter(near))]
+        return self.operations + FAR * far
 
 
 def program(

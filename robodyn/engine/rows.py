@@ -66,12 +66,20 @@ def _mask(lanes: int, width: int) -> str:
 
 
 def _transposed(t: Type, name: str, rows: list[str]) -> tuple[list[str], list[str]]:
-    """A square of lanes × lanes numbers, transposed by swapping blocks of 1, 2, 4, … within pairs of rows."""
+    """A square of lanes × lanes numbers, transposed in steps between rows that are k = 1, 2, 4, … apart.
+
+    Within 16 bytes, blocks of k numbers are swapped. Beyond, one row takes the even of both rows' pieces of 16 bytes, the other the odd
+    ones: machines have one instruction for either.
+    """
     F, L, rows, lines = t.float, t.lanes, list(rows), []
+    piece = 16 // t.bytes
     k = 1
     while k < L:
-        low = [j if not j & k else L + j - k for j in range(L)]
-        high = [j + k if not j & k else L + j for j in range(L)]
+        if k < piece:
+            low = [j if not j & k else L + j - k for j in range(L)]
+            high = [j + k if not j & k else L + j for j in range(L)]
+        else:
+            low, high = ([j for j in range(2 * L) if j // piece % 2 == odd] for odd in (0, 1))
         for i in range(L):
             if i & k:
                 continue

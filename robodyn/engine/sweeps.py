@@ -526,6 +526,11 @@ class Looped:
         """Floating-point operations of one evaluation, counted as for a `Program`."""
         return self._weighed(lambda p: p.operations)
 
+    @property
+    def cost(self) -> int:
+        """The time of one evaluation in operations, as of a `Program`."""
+        return self._weighed(lambda p: p.cost)
+
     @cached_property
     def length(self) -> int:
         """Instructions of one evaluation."""

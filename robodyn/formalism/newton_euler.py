@@ -2,10 +2,12 @@
 
 from collections.abc import Mapping
 
+import numpy as np
+
 from ..algebra import cross, joined, mul, transpose
 from ..arithmetic import Array
 from ..model import Body, Field, Inertia, Tree
-from .kinematics import Motion
+from .kinematics import Motion, accelerations, falling_ground
 from .spatial import RigidInertia, angular
 
 Wrenches = Mapping[int, Array]  # body index → applied wrench f̌ᵗ (..., 6) about O_i, resolved in K_i
@@ -31,3 +33,15 @@ def resultants(tree: Tree, state: Motion, accelerations: Field, wrenches: Wrench
         return f if applied is None else f - applied
 
     return tree.each(resultant, state.twist, accelerations, tree.on_bodies(wrenches))
+
+
+def resultants_at_rest(tree: Tree, state: Motion, wrenches: Wrenches, gravity: Array) -> Field:
+    """f̌ᵏ_i (..., 6) at η̇ = 0: M ā − f̌ᶜ − f̌ᵗ, gravity included."""
+    return resultants(tree, state, accelerations(tree, state, falling_ground(gravity)), wrenches)
+
+
+def resultants_of_change(tree: Tree, state: Motion, vdot: Array) -> Field:
+    """M J η̇ (..., 6): what η̇ adds to f̌ᵏ_i of η̇ = 0."""
+    still = state._replace(bias=tree.each(lambda _: np.zeros(6)))
+    changes = accelerations(tree, still, np.zeros(6), vdot)
+    return tree.each(lambda body, a: RigidInertia.of(body.inertia).times(a), changes)

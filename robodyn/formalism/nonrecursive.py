@@ -11,19 +11,25 @@ from ..arithmetic import Array, dtype_of, zeros
 from ..model import Body, Field, Tree
 from . import ldl
 from .constraints import batch_of, coordinate_forces
-from .kinematics import Motion, accelerations, falling_ground, motion
-from .newton_euler import Wrenches, resultants
+from .kinematics import Motion, motion
+from .newton_euler import Wrenches, resultants_at_rest
 from .reactions import inward
 from .solution import Solution
 from .spatial import Pose, RigidInertia
 
 
-def nonrecursive(tree: Tree, q: Array, v: Array, tau: Array, wrenches: Wrenches, gravity: Array) -> Solution:
-    """η̇ (..., nv) at q (..., nq), v (..., nv) for the coordinate forces tau (..., nv)."""
+def nonrecursive(
+    tree: Tree, q: Array, v: Array, tau: Array, wrenches: Wrenches, gravity: Array, *, inertias: Tree | None = None
+) -> Solution:
+    """η̇ (..., nv) at q (..., nq), v (..., nv) for the coordinate forces tau (..., nv).
+
+    inertias: another tree with the same M̂, to compose it from; k̂ is the tree's own.
+    """
     state = motion(tree, q, v)
     k = tau - bias_forces(tree, state, wrenches, gravity)
+    composed, at = (tree, state) if inertias is None else (inertias, motion(inertias, q, v))
     meets = ldl.couplings(tree)
-    rows, pivots, reciprocals = ldl.factorise(mass_matrix(tree, state, dtype_of(q, v, tau)), meets)
+    rows, pivots, reciprocals = ldl.factorise(mass_matrix(composed, at, dtype_of(q, v, tau)), meets)
     vdot = ldl.solve(rows, reciprocals, [k[..., i] for i in range(tree.nv)], meets)
     return Solution(stacked(vdot), stacked(pivots))
 
@@ -59,8 +65,7 @@ def mass_matrix(tree: Tree, state: Motion, dtype: np.dtype) -> Array:
 
 def bias_forces(tree: Tree, state: Motion, wrenches: Wrenches, gravity: Array) -> Array:
     """−k̂ᶜ − k̂ᵗ (..., nv) of everything but the joint forces: Jᵀ(M ā − f̌ᶜ − f̌ᵗ), gravity included."""
-    a = accelerations(tree, state, falling_ground(gravity))
-    f = inward(tree, state, resultants(tree, state, a, wrenches))
+    f = inward(tree, state, resultants_at_rest(tree, state, wrenches, gravity))
     return coordinate_forces(tree, state, f)
 
 

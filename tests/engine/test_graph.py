@@ -144,6 +144,49 @@ def test_guards_and_what_is_not_finite_are_reported():
     assert kernel((1,), {"x": xs[70]})[1] == 0
 
 
+OPERATIONS = [
+    lambda a, b: a + b,
+    lambda a, b: a - 2.0 * b,
+    lambda a, b: a * b,
+    lambda a, b: 0.5 * a * b - b,
+    lambda a, b: a / b,
+    lambda a, b: 3.0 / a,
+    lambda a, b: -a,
+    lambda a, b: abs(a),
+    lambda a, b: np.sqrt(abs(a)),
+    lambda a, b: np.sin(a) - np.cos(a),
+    lambda a, b: np.minimum(a, b),
+    lambda a, b: np.where(a < b, a, 1.0),
+    lambda a, b: np.tanh(a),
+    lambda a, b: np.exp(-a),
+]
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_what_is_not_finite_is_found_whatever_it_goes_through(seed):
+    """Few values are looked at (`Program.telling`): those whose being infinite no other shows."""
+    rng, graph = np.random.default_rng(seed), Graph()
+    values = list(graph.inputs("x", (6,)))
+    for _ in range(30):
+        a, b = rng.choice(len(values), size=2)
+        values.append(OPERATIONS[rng.integers(len(OPERATIONS))](values[a], values[b]))
+    guard = values[rng.integers(len(values))] ** 2 + 1e-3
+    code = program(graph, {"x": 6}, {"y": np.array([values[i] for i in rng.choice(len(values), size=5)])}, [guard])
+    kernel, found = Kernel(code), Counter()
+    for value in (0.0, np.nan, np.inf, -np.inf, 1e200):
+        for k in range(6):
+            xs = rng.normal(size=(11, 6))
+            xs[5, k] = value
+            for rows in (xs, xs[5]):  # many lanes, one lane
+                batch = rows.shape[:-1]
+                answer, bad = kernel(batch, {"x": rows})
+                wrong = ~(np.isfinite(rows).all(axis=-1) & np.isfinite(answer["y"]).all(axis=-1))
+                assert bad >= 0 or not wrong.any()
+                found[bad >= 0] += 1
+    assert found[True] >= 36  # every NaN and infinity that was put in
+    assert len(code.telling & {i for i, (op, *_) in enumerate(code.instructions) if op == "in"}) > 0
+
+
 def test_a_comparison_has_no_truth_value_and_scalars_stay_hashable(xy):
     _, x, y = xy
     for condition in (x < y, x == y, (x < y) & (y < 1.0), ~(x != 2.0)):

@@ -158,7 +158,7 @@ def test_long_programs_are_cut_and_compute_the_same(monkeypatch):
     assert np.array_equal(found["vdot"], expected["vdot"])
 
 
-@pytest.mark.parametrize("setting", [("WRITTEN_OUT", 0), ("STAGED", 1)])
+@pytest.mark.parametrize("setting", [("WRITTEN_OUT", 0), ("LONG", 1), ("LONG", 10**9)])
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])
 def test_inputs_and_outputs_are_moved_alike_in_every_way(monkeypatch, setting, dtype):
     c = case(11, n=3)  # a free base: rows of many lengths
