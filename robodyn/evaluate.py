@@ -3,11 +3,12 @@
 With `looped` the only place that knows both the equations and the engine.
 """
 
+import gc
 import math
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, wraps
 from importlib.util import find_spec
 from types import FunctionType, MethodType
 from typing import Any
@@ -38,6 +39,22 @@ NUMBERS = 2**21  # entries of the mass matrices that are held at a time
 BESIDE = {ForwardDynamics: (), Evolution: ("qdot", "power"), Result: ("u",), JointReactions: ("u",)}  # what they need beside η̇
 BACKENDS = ("native", "numpy", "mpmath")
 DEFAULT = "native" if find_spec("llvmlite") else "numpy"
+
+
+def without_collections(function: Callable[..., Any]) -> Callable[..., Any]:
+    """The function, run while Python does not look for garbage: a trace makes many objects, all in use, and would wait for it."""
+
+    @wraps(function)
+    def running(*arguments: Any, **options: Any) -> Any:
+        if not gc.isenabled():
+            return function(*arguments, **options)
+        gc.disable()
+        try:
+            return function(*arguments, **options)
+        finally:
+            gc.enable()
+
+    return running
 
 
 _NOW, _ZERO = 0.0, np.zeros(1)  # the time where none is given
@@ -318,9 +335,13 @@ class Evaluator:
         """The cheapest formalism for a question, and the operations of each."""
         asked = {route: replace(question, formalism=route) for route in self._routes}  # type: ignore[call-arg]
         programs = {route: self._traced(x) for route, x in asked.items()}
-        best = min(programs, key=lambda route: programs[route].cost) if len(programs) > 1 else next(iter(programs))
+        operations = {route: x.operations for route, x in programs.items()}
+        best, least = "", math.inf
+        for route in sorted(operations, key=lambda route: operations[route]):
+            if operations[route] < least and (cost := programs[route].cost) < least:  # operations alone may be too many already
+                best, least = route, cost
         self._spare[asked[best]] = programs[best]  # whoever counts is about to compile it
-        return best, {route: x.operations for route, x in programs.items()}
+        return best, operations
 
     @property
     def _routes(self) -> list[str]:
@@ -364,6 +385,7 @@ class Evaluator:
         recorder = Recorder()
         return recorder, LoopedViews(self.views(), recorder)
 
+    @without_collections
     def _traced(self, question: Question, dtype: np.dtype = DOUBLE) -> Program | Looped:
         """The question, asked of symbols."""
         graph, views = self._symbolic(self.loops and getattr(question, "formalism", "recursive") == "recursive")
@@ -378,6 +400,7 @@ class Evaluator:
 
     # --- integration ---
 
+    @without_collections
     def evolution(self, formalism: str, *, semi_implicit: bool = False, held: bool = False) -> Program | Looped:
         """dx = ẋ of x = (β, η, w) at ("t", 1), ("x", nq + nv + 1).
 

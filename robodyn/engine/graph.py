@@ -30,16 +30,28 @@ class Graph:
         self.nodes: list[Node] = []
         self._scalars: list[Scalar] = []
         self._known: dict[Node, Scalar] = {}
+        self._constants: dict[float | str, Scalar] = {}
 
     def node(self, *key: Any) -> "Scalar":
         """The scalar of an operation; the one that is there already, if it is."""
+        scalar = self._known.get(key)
+        if scalar is None:
+            scalar = self._known[key] = self._new(key)
+        return scalar
+
+    def _new(self, node: Node) -> "Scalar":
+        scalar = Scalar(self, len(self.nodes), node)
+        self.nodes.append(node)
+        self._scalars.append(scalar)
+        return scalar
+
+    def constant(self, x: float) -> "Scalar":
+        """The scalar of a number."""
         # −0.0 equals 0.0 as a key but is another number.
-        if key[0] == "const" and key[1] == 0 and math.copysign(1, key[1]) < 0:
-            key = ("const", -0.0, "-")
-        if (scalar := self._known.get(key)) is None:
-            scalar = self._known[key] = Scalar(self, len(self.nodes), key[:2] if key[-1] == "-" else key)
-            self.nodes.append(scalar.node)
-            self._scalars.append(scalar)
+        key = "-0" if x == 0 and math.copysign(1, x) < 0 else x
+        scalar = self._constants.get(key)
+        if scalar is None:
+            scalar = self._constants[key] = self._new(("const", x))
         return scalar
 
     def at(self, number: int) -> "Scalar":
@@ -55,11 +67,13 @@ class Graph:
         """A number as a scalar of this graph."""
         if x.__class__ is Scalar:
             return x  # type: ignore[return-value]
+        if x.__class__ is float:
+            return self.constant(x)  # type: ignore[arg-type]
         if isinstance(x, Condition):
             return x.select(1.0, 0.0)
         if isinstance(x, complex):
             raise TypeError(f"{x} is a complex number, and compiled numbers are real")
-        return self.node("const", float(x))  # type: ignore[arg-type]
+        return self.constant(float(x))  # type: ignore[arg-type]
 
     def condition(self, *key: Any) -> "Condition":
         """The condition of an operation, as `node`."""
@@ -208,7 +222,8 @@ class Scalar(Traced):
             return self - z
         if (z := self._negated()) is not None:
             return y - z
-        return self.graph.node("add", *sorted((self.number, y.number)))
+        i, j = self.number, y.number
+        return self.graph.node("add", i, j) if i < j else self.graph.node("add", j, i)
 
     def __sub__(self, other: object) -> "Scalar":
         if isinstance(other, np.ndarray):
@@ -236,9 +251,10 @@ class Scalar(Traced):
         a, b = self.constant, y.constant
         if a is not None and b is not None:
             return self.graph.lift(a * b)
-        for c, x in ((a, y), (b, self)):
+        if a is not None or b is not None:
+            c, x = (a, y) if b is None else (b, self)
             if c == 0:
-                return self.graph.lift(0.0)
+                return self.graph.constant(0.0)
             if c == 1:
                 return x
             if c == -1:
@@ -252,7 +268,8 @@ class Scalar(Traced):
             return -(self.graph.lift(-a) * y)
         if b is not None and b < 0:
             return -(self * self.graph.lift(-b))
-        return self.graph.node("mul", *sorted((self.number, y.number)))
+        i, j = self.number, y.number
+        return self.graph.node("mul", i, j) if i < j else self.graph.node("mul", j, i)
 
     def __truediv__(self, other: object) -> "Scalar":
         if isinstance(other, np.ndarray):
