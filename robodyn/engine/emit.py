@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from . import elementary
+from . import elementary, payne_hanek
 from .constants import WINDOW, Constants
 from .functions import LIBRARY, TOGETHER, Type, by_lane, declarations, sincos, sincos_together
 from .graph import LEAVES, TRIGONOMETRIC
@@ -73,6 +73,7 @@ def prologue(t: Type, *programs: "Program | Looped") -> Iterator[str]:
     """Declarations and functions that the programs call."""
     used = {op for program in programs for code in program.programs for op, *_ in code.instructions}
     yield from declarations(t)
+    yield from payne_hanek.reduction()
     yield from sincos(t)
     for n in range(1, TOGETHER + 1):
         yield from sincos_together(t, n)

@@ -2,7 +2,7 @@
 
 Reduction by multiples of π/2 (Cody and Waite) in fused multiply-adds, with the rounding of the reduced argument carried along;
 then the minimax polynomials on [−π/4, π/4] of fdlibm (Sun Microsystems, 1993). Beyond |x| = 1e5 the reduction would lose
-digits: such arguments take a slow path through the C library, one lane at a time, and are as good as its reduction.
+digits: such arguments take a slow path, one lane at a time, through the one of `payne_hanek`, which loses none.
 """
 
 import struct
@@ -100,11 +100,8 @@ def declarations(t: Type) -> Iterator[str]:
     for u in {t.name: t, t.widened().name: t.widened()}.values():
         for name, n in INTRINSICS.items():
             yield f"declare {u.float} @llvm.{name}.{u.name}({', '.join([u.float] * n)})"
-    for name in ("sin", "cos"):
-        yield f"declare double @{name}(double) nounwind memory(none)"
     if t.lanes > 1:
-        for scalar, name in {("double", "f64"), (t.scalar, f"f{t.bits}")}:
-            yield f"declare {scalar} @llvm.fabs.{name}({scalar})"
+        yield "declare double @llvm.fma.f64(double, double, double)"  # of the exact reduction
 
 
 def sincos(t: Type) -> Iterator[str]:
@@ -122,20 +119,8 @@ def sincos(t: Type) -> Iterator[str]:
             yield fma(f"{name}{i}", value, "%z", c(a))
             value = f"%{name}{i}"
 
-    yield f"define internal {{{F}, {F}, {B}}} @sincos({F} %x) alwaysinline nounwind {{"
-    # r + t = x − k π/2: x − k P1 is exact, and so are the roundings of k P2 and of the difference.
-    yield f"  %turns = fmul {F} %x, {c(2 / 3.141592653589793)}"
-    yield f"  %k = call {F} @llvm.rint.{t.name}({F} %turns)"
-    yield f"  %nk = fneg {F} %k"
-    yield fma("r0", "%nk", c(P1), "%x")
-    yield f"  %p = fmul {F} %k, {c(P2)}"
-    yield f"  %np = fneg {F} %p"
-    yield fma("plost", "%k", c(P2), "%np")
-    yield f"  %r = fsub {F} %r0, %p"
-    yield f"  %back = fsub {F} %r0, %r"
-    yield f"  %rlost = fsub {F} %back, %p"
-    yield f"  %t0 = fsub {F} %rlost, %plost"
-    yield fma("t", "%nk", c(P3), "%t0")  # what is left where x is all but a multiple of π/2
+    pair, flagged = f"{{{F}, {F}}}", f"{{{F}, {F}, {B}}}"
+    yield f"define internal {pair} @sincos_reduced({F} %r, {F} %t, {N} %n) alwaysinline nounwind {{"
     yield f"  %z = fmul {F} %r, %r"
     # sin(r + t) = r + (t (1 − z/2) + r z S(z))
     yield from polynomial("s", SIN)
@@ -154,10 +139,7 @@ def sincos(t: Type) -> Iterator[str]:
     yield fma("wlost", "%z", c(-0.5), "%onew")
     yield f"  %ctail2 = fadd {F} %wlost, %ctail"
     yield f"  %cos0 = fadd {F} %w, %ctail2"
-    # Quadrants. Where x is too large, n is poison, and so are results that `@sincos_exact` replaces lane by lane.
-    yield f"  %size = call {F} @llvm.fabs.{t.name}({F} %x)"
-    yield f"  %large = fcmp ugt {F} %size, {c(EXACT_BEYOND)}"
-    yield f"  %n = fptosi {F} %k to {N}"
+    # Quadrants.
     yield f"  %n1 = and {N} %n, {t.integer(1)}"
     yield f"  %odd = icmp ne {N} %n1, {t.integer(0)}"
     yield f"  %sq = select {B} %odd, {F} %cos0, {F} %sin0"
@@ -171,17 +153,37 @@ def sincos(t: Type) -> Iterator[str]:
         yield f"  %{name}i = bitcast {F} %{name}q to {N}"
         yield f"  %{name}x = xor {N} %{name}i, %{name}m"
         yield f"  %{name}f = bitcast {N} %{name}x to {F}"
-    pair = f"{{{F}, {F}, {B}}}"
-    yield f"  %a = insertvalue {pair} undef, {F} %sf, 0"
-    yield f"  %b = insertvalue {pair} %a, {F} %cf, 1"
-    yield f"  %r3 = insertvalue {pair} %b, {B} %large, 2"
-    yield f"  ret {pair} %r3"
-    yield "}"
+    yield from _returned(pair, {"%sf": F, "%cf": F})
 
-    # The slow path: lanes beyond the bound by the C library, the others as they are.
-    yield f"define internal {{{F}, {F}}} @sincos_exact({F} %x, {F} %s, {F} %c) noinline cold nounwind {{"
-    s, co = "%s", "%c"
-    bound = Type(1, t.scalar).constant(EXACT_BEYOND)
+    yield f"define internal {flagged} @sincos({F} %x) alwaysinline nounwind {{"
+    # r + t = x − k π/2: x − k P1 is exact, and so are the roundings of k P2 and of the difference.
+    yield f"  %turns = fmul {F} %x, {c(2 / 3.141592653589793)}"
+    yield f"  %k = call {F} @llvm.rint.{t.name}({F} %turns)"
+    yield f"  %nk = fneg {F} %k"
+    yield fma("r0", "%nk", c(P1), "%x")
+    yield f"  %p = fmul {F} %k, {c(P2)}"
+    yield f"  %np = fneg {F} %p"
+    yield fma("plost", "%k", c(P2), "%np")
+    yield f"  %r = fsub {F} %r0, %p"
+    yield f"  %back = fsub {F} %r0, %r"
+    yield f"  %rlost = fsub {F} %back, %p"
+    yield f"  %t0 = fsub {F} %rlost, %plost"
+    yield fma("t", "%nk", c(P3), "%t0")  # what is left where x is all but a multiple of π/2
+    # Where x is too large, n is poison, and so are results that `@sincos_exact` replaces lane by lane.
+    yield f"  %n = fptosi {F} %k to {N}"
+    yield f"  %y = call {pair} @sincos_reduced({F} %r, {F} %t, {N} %n)"
+    yield f"  %s = extractvalue {pair} %y, 0"
+    yield f"  %c = extractvalue {pair} %y, 1"
+    yield f"  %size = call {F} @llvm.fabs.{t.name}({F} %x)"
+    yield f"  %large = fcmp ugt {F} %size, {c(EXACT_BEYOND)}"
+    yield from _returned(flagged, {"%s": F, "%c": F, "%large": B})
+
+    # The slow path: lanes beyond the bound from their exact reduction, the others as they are.
+    yield f"define internal {pair} @sincos_exact({F} %x, {F} %s, {F} %c) noinline cold nounwind {{"
+    yield f"  %size = call {F} @llvm.fabs.{t.name}({F} %x)"
+    yield f"  %large = fcmp ugt {F} %size, {c(EXACT_BEYOND)}"
+    scalars, vectors = {"r": t.scalar, "t": t.scalar, "n": t.integer_scalar}, {"r": F, "t": F, "n": N}
+    reduced = dict.fromkeys(vectors, "undef")
     for i in range(t.lanes):
         x = "%x"
         if t.lanes > 1:
@@ -189,25 +191,36 @@ def sincos(t: Type) -> Iterator[str]:
             x = f"%x{i}"
         if t.bits == 32:
             yield f"  %w{i} = fpext float {x} to double"
-        wide = f"%w{i}" if t.bits == 32 else x
-        yield f"  %sl{i} = call double @sin(double {wide})"
-        yield f"  %cl{i} = call double @cos(double {wide})"
-        exact = f"%sl{i}", f"%cl{i}"
+            x = f"%w{i}"
+        yield f"  %e{i} = call {{double, double, i64}} @reduce_exact(double {x})"
+        for j, name in enumerate(vectors):
+            yield f"  %{name}{i} = extractvalue {{double, double, i64}} %e{i}, {j}"
+        lane = {name: f"%{name}{i}" for name in vectors}
         if t.bits == 32:
-            yield f"  %st{i} = fptrunc double %sl{i} to float"
-            yield f"  %ct{i} = fptrunc double %cl{i} to float"
-            exact = f"%st{i}", f"%ct{i}"
-        yield f"  %a{i} = call {t.scalar} @llvm.fabs.f{t.bits}({t.scalar} {x})"
-        yield f"  %l{i} = fcmp ugt {t.scalar} %a{i}, {bound}"
-        for name, old, new in (("s", s, exact[0]), ("c", co, exact[1])):
-            if t.lanes > 1:
-                yield f"  %{name}n{i} = insertelement {F} {old}, {t.scalar} {new}, i32 {i}"
-                new = f"%{name}n{i}"
-            yield f"  %{name}k{i} = select i1 %l{i}, {F} {new}, {F} {old}"
-        s, co = f"%sk{i}", f"%ck{i}"
-    yield f"  %p = insertvalue {{{F}, {F}}} undef, {F} {s}, 0"
-    yield f"  %q = insertvalue {{{F}, {F}}} %p, {F} {co}, 1"
-    yield f"  ret {{{F}, {F}}} %q"
+            yield f"  %rf{i} = fptrunc double %r{i} to float"
+            yield f"  %rw{i} = fpext float %rf{i} to double"
+            yield f"  %lost{i} = fsub double %r{i}, %rw{i}"
+            yield f"  %tf{i} = fptrunc double %lost{i} to float"
+            yield f"  %nf{i} = trunc i64 %n{i} to i32"
+            lane = {name: f"%{name}f{i}" for name in vectors}
+        for name in vectors if t.lanes > 1 else ():
+            yield f"  %{name}v{i} = insertelement {vectors[name]} {reduced[name]}, {scalars[name]} {lane[name]}, i32 {i}"
+            lane[name] = f"%{name}v{i}"
+        reduced = lane
+    yield f"  %y = call {pair} @sincos_reduced({', '.join(f'{vectors[name]} {value}' for name, value in reduced.items())})"
+    for j, name in enumerate("sc"):
+        yield f"  %{name}y = extractvalue {pair} %y, {j}"
+        yield f"  %{name}k = select {B} %large, {F} %{name}y, {F} %{name}"
+    yield from _returned(pair, {"%sk": F, "%ck": F})
+
+
+def _returned(kind: str, values: dict[str, str]) -> Iterator[str]:
+    """The end of a function that returns several values, given with their types."""
+    last = "undef"
+    for j, (value, of) in enumerate(values.items()):
+        yield f"  %return{j} = insertvalue {kind} {last}, {of} {value}, {j}"
+        last = f"%return{j}"
+    yield f"  ret {kind} {last}"
     yield "}"
 
 

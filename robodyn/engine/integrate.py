@@ -98,7 +98,7 @@ class _Writer:
         lines = [*emit.prologue(self.t, *programs), "declare double @llvm.pow.f64(double, double)"]
         # Beside the intrinsics of the programs' own type: those of entries side by side, or of the time.
         for t in (Type(width) for width in (WIDTHS[:-1] if self.t.lanes == 1 else (1,))):
-            names = [name for name in INTRINSICS if self.t.lanes == 1 or name != "fabs"]
+            names = [name for name in INTRINSICS if self.t.lanes == 1 or name != "fma"]
             lines += [f"declare {t.float} @llvm.{name}.{t.name}({', '.join([t.float] * INTRINSICS[name])})" for name in names]
         for part in (self.f, self.project):
             lines += part.functions() if part else ()

@@ -48,6 +48,47 @@ def test_sin_and_cos_within_one_ulp_everywhere(name):
     assert ulps(found["y"][:, 0], references).max() <= 1.0
 
 
+def nearest_to_quarter_turns(exponent, bits):
+    """The numbers m 2^exponent, m of so many bits, closest to a multiple of π/2: denominators of the continued fraction of 2^(exponent+1)/π."""
+    with mpmath.workdps(700):
+        x, found = mpmath.mpf(2) ** exponent * 2 / mpmath.pi, []
+        before, q = 0, 1
+        while q < 2**bits:
+            if q > 2 ** (bits // 2):
+                found.append(q * ((2**bits - 1) // q))  # a multiple is nearly as close
+            x = 1 / (x - mpmath.floor(x))
+            before, q = q, int(mpmath.floor(x)) * q + before
+    return [float(m) * 2.0**exponent for m in found]
+
+
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+def test_large_angles_are_reduced_exactly(dtype):
+    """Where C libraries lose digits, one of them five at 1.6e74: as close to multiples of π/2 as doubles of every size come."""
+    kind = np.finfo(dtype)
+    exponents = range(17 - kind.nmant, kind.maxexp - kind.nmant, 7 if dtype is np.float64 else 1)
+    near = [x for exponent in exponents for x in nearest_to_quarter_turns(exponent, kind.nmant + 1)] + [kind.max]
+    if dtype is np.float64:  # Ng, Argument reduction for huge arguments, 1992: the one that comes closest of all
+        near += [6381956970095103.0 * 2.0**797, 1.5986289000543612e74]
+    xs = np.array(near, dtype=dtype)
+    assert np.array_equal(xs, near)
+    xs = np.concatenate([xs, -xs, np.random.default_rng(3).uniform(1e5, 2e5, 500).astype(dtype)])
+    worst = {}
+    for name in ("sin", "cos"):
+        found = Kernel(kernel(getattr(arithmetic, name)).program, np.dtype(dtype))
+        answers, bad = found((len(xs),), {"x": xs[:, None]})
+        assert bad == -1
+        assert all(found((1,), {"x": xs[k : k + 1, None]})[0]["y"][0, 0] == answers["y"][k, 0] for k in range(0, len(xs), 97))
+        with mpmath.workdps(700):
+            references = [getattr(mpmath, name)(mpmath.mpf(float(x))) for x in xs]
+            units = [np.spacing(abs(dtype(r))) for r in references]
+            values = zip(answers["y"][:, 0], references, units, strict=True)
+            worst[name] = max(abs(float((mpmath.mpf(float(y)) - r) / mpmath.mpf(float(u)))) for y, r, u in values)
+            smallest = min(abs(r) for r in references)
+        assert worst[name] <= 1.0
+        assert smallest < (1e-18 if dtype is np.float64 else 1e-8)  # the cases are hard
+    assert len(xs) > 500
+
+
 def function_arguments(name, rng):
     """Dense, random over the whole range, and at its edges: results subnormal, next to overflow, next to 1 and next to 0."""
     tiny = np.concatenate([10.0 ** rng.uniform(-323, 0, 2000), [5e-324, 2.2250738585072014e-308, 2.0**-53, 2.0**-54]])
