@@ -30,7 +30,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """The command's options."""
     parser.add_argument("robots", metavar="ROBOT", nargs="*", help="URDF files")
     loading_arguments(parser)
-    parser.add_argument("--only", metavar="KIND", nargs="+", choices=tuple(KINDS), default=list(KINDS), help=f"of {', '.join(KINDS)}")
+    parser.add_argument(
+        "--only", metavar="KIND,…", type=_kinds, action="extend", help=f"of {', '.join(KINDS)} (default all of them), repeatable"
+    )
     parser.add_argument("--batch", type=int, metavar="N", help=f"states in a batch (default {Settings.batch})")
     parser.add_argument("--rounds", type=int, metavar="N", help=f"rounds of measuring (default {Settings.rounds})")
     parser.add_argument("--threads", type=int, metavar="N", help="threads of the many trajectories, on both sides (default all cores)")
@@ -42,6 +44,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--quick", action="store_true", help="a run of seconds that shows whether everything works; its figures mean nothing"
     )
+
+
+def _kinds(text: str) -> list[str]:
+    found = text.split(",")
+    if unknown := [name for name in found if name not in KINDS]:
+        raise argparse.ArgumentTypeError(f"there is no {unknown[0]!r}: choose from {', '.join(KINDS)}")
+    return found
 
 
 def run(options: argparse.Namespace) -> int:
@@ -69,7 +78,7 @@ def run(options: argparse.Namespace) -> int:
             about = facts(subject)
             routes = ", ".join(f"{route} {n}" for route, n in about["operations"].items())
             title = f"{about['name']}: {about['nv']} degrees of freedom, κ up to {about['condition']:.0e}; operations: {routes}"
-            found = rows(subject, options.only, script=options.yardstick, tick=progress.show)
+            found = rows(subject, options.only or list(KINDS), script=options.yardstick, tick=progress.show)
             results.append({"file": file, **about, "rows": []})
             _print(title, found, progress, results[-1]["rows"])
         if counts:

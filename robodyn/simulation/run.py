@@ -83,11 +83,10 @@ def simulate(
     x0 = np.concatenate([scene.equations().project(state["q0"]), state["v0"], [0.0]])
     integration = Integration(scene, t0, t_end, x0, wanted, method, formalism, {"rtol": rtol, "atol": atol, "dt": dt})
     in_native_code = backend == "native" and METHODS[method].tableau is not None and scene.evaluator.compiles_steps(formalism)
-    if not (in_native_code and integration.starts_natively()):
-        scene.evaluator.ask(Result(formalism), "numpy", t=t0, q=state["q0"], v=state["v0"], tau=None)
-
-    started, failure = time.perf_counter(), None
     with _reporter(progress) as report:
+        if not (in_native_code and integration.starts_natively()):
+            scene.evaluator.ask(Result(formalism), "numpy", t=t0, q=state["q0"], v=state["v0"], tau=None)
+        started, failure = time.perf_counter(), None
         try:
             integration.run_natively(report) if in_native_code else integration.run_in_python(backend, report)
         except KeyboardInterrupt:
@@ -307,10 +306,12 @@ def _reporter(progress: bool | Progress) -> Iterator[Progress]:
     from rich.progress import Progress as Bar
 
     with Bar(console=Console(stderr=True), transient=True) as bar:
-        task, shown = bar.add_task("simulating", total=1.0), 0.0
+        task, shown = bar.add_task("compiling", total=1.0), -1.0  # no sign for seconds, where the robot is large
 
         def show(share: float) -> None:
             nonlocal shown
+            if shown < 0:
+                bar.update(task, description="simulating")
             if share >= min(1.0, shown + 0.001):  # thousands of samples need no thousands of pictures
                 bar.update(task, completed=share)
                 shown = share

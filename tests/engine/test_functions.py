@@ -49,7 +49,7 @@ def test_sin_and_cos_within_one_ulp_everywhere(name):
 
 
 def nearest_to_quarter_turns(exponent, bits):
-    """The numbers m 2^exponent, m of so many bits, closest to a multiple of π/2: denominators of the continued fraction of 2^(exponent+1)/π."""
+    """The numbers m 2^exponent, m of so many bits, closest to a multiple of π/2: by the continued fraction of 2^(exponent+1)/π."""
     with mpmath.workdps(700):
         x, found = mpmath.mpf(2) ** exponent * 2 / mpmath.pi, []
         before, q = 0, 1

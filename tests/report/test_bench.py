@@ -79,10 +79,12 @@ def test_only_and_missing_peers(command, monkeypatch):
         assert row.ours
         assert row.theirs is None
         assert "is not installed: pip install 'robodyn[bench]'" in row.note
-    code, out, _ = command(ARM, "--only", "call")
+    code, out, _ = command("--only", "call", ARM)  # before or behind
     assert code == 0
     assert "one call" in out
     assert "batch" not in out
+    with pytest.raises(SystemExit):
+        command(ARM, "--only", "call,butch")
 
 
 def test_mimic_and_locked_joints(command):
@@ -126,7 +128,7 @@ def test_interrupted_it_prints_what_there_is(command, monkeypatch, tmp_path):
         raise KeyboardInterrupt
 
     monkeypatch.setitem(bench.KINDS, "reactions", interrupt)
-    code, out, err = command(ARM, "--only", "call", "reactions", "--json", "found.json")
+    code, out, err = command(ARM, "--only", "call,reactions", "--json", "found.json")
     assert code == 130
     assert "interrupted" in err
     assert "one call" in out
