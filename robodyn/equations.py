@@ -156,11 +156,11 @@ class Equations:
         frame: str,
         part: str,
         joints: tuple[int, ...],
-        from_rest: bool = False,
+        from_bias: bool = False,
     ) -> Array:
         """Wrenches (..., n, 6) of the joints with these indices at η̇ and joint forces u (..., nu); `self.tree` must be open at each."""
         state = kinematics.motion(self.tree, q, v)
-        total = joint_wrenches(self.tree, state, vdot, wrenches, self.gravity, from_rest=from_rest)
+        total = joint_wrenches(self.tree, state, vdot, wrenches, self.gravity, from_bias=from_bias)
         return reactions(self.tree, state, q, total, u, frame=frame, part=part, joints=joints)
 
     # --- energies, places ---

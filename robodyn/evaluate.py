@@ -8,35 +8,31 @@ import math
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import cached_property, wraps
+from functools import cached_property, partial, wraps
 from importlib.util import find_spec
-from types import FunctionType, MethodType
+from types import FunctionType
 from typing import Any
 
 import numpy as np
 from numpy.typing import DTypeLike
 
-from . import inputs
+from . import composed, inputs
 from .arithmetic import Array, precision
-from .engine import fastcall
 from .engine.graph import Graph
 from .engine.kernel import DOUBLE, Kernel
 from .engine.program import Program, program
 from .engine.sweeps import Looped, Recorder
 from .equations import SADDLES, SWEEPS, Views
 from .errors import InputError, ModelError
-from .formalism.ldl import solve_dense
-from .formalism.solution import Solution
 from .loads import Load, State
 from .looped import LoopedViews
 from .model import Mechanism
-from .questions import Answer, Balance, Evolution, ForwardDynamics, JointReactions, KnownReactions, MassMatrix, Question, Result
+from .questions import Answer, Evolution, ForwardDynamics, JointReactions, MassMatrix, Question
+from .shortcuts import Shortcuts
 from .trust import refuse_impossible, refuse_infinite, refuse_infinite_loads, refuse_massless, refuse_undetermined, smallest_pivots
 
 UNROLLED = 50  # moving bodies and freedoms up to which a kernel is straight-line code: beyond, that takes seconds to compile
 WRITTEN_OUT = 100  # up to which "nonrecursive", which has no loops, is compiled all the same; beyond, NumPy answers
-NUMBERS = 2**21  # entries of the mass matrices that are held at a time
-BESIDE = {ForwardDynamics: (), Evolution: ("qdot", "power"), Result: ("u",), JointReactions: ("u",)}  # what they need beside η̇
 BACKENDS = ("native", "numpy", "mpmath")
 DEFAULT = "native" if find_spec("llvmlite") else "numpy"
 
@@ -70,8 +66,7 @@ class Evaluator:
         self._kernels: dict[tuple[Question, np.dtype], Kernel] = {}
         self.step_loops: dict[tuple, Any] = {}  # compiled integrators, by what `simulation.native` compiles them for
         self._spare: dict[Question, Program | Looped] = {}
-        self._shortcuts: dict[Question, tuple[Any, str, tuple[int, ...]]] = {}  # a built-in function, its array's name and shape
-        self._lock, self._hastening = threading.Lock(), threading.Lock()
+        self._shortcuts, self._lock = Shortcuts(robot), threading.Lock()
 
     def views(self, backend: str = "numpy") -> Views:
         """The equations of a backend."""
@@ -93,7 +88,7 @@ class Evaluator:
         out: where the one array of the answer goes; float64, C-contiguous, of its shape, apart from the given arrays.
         """
         if backend == "native" and dtype is np.float64 and type(t) is float and t == 0.0:
-            quick = self._quickly(question, threads, out, arrays)
+            quick = self._shortcuts.answer(question, self._kernels.get((question, DOUBLE)), threads, out, arrays)
             if quick is not None:
                 return quick
         inputs.choice("backend", backend, BACKENDS)
@@ -102,13 +97,14 @@ class Evaluator:
         formalism = getattr(question, "formalism", None)
         natively = backend == "native" and self.compiles(formalism)
         if natively and isinstance(question, MassMatrix) and self.loops:
-            return self._written({"M": self._mass_matrix(threads=threads, dtype=precise, **arrays)}, out, arrays)
+            return self._written({"M": composed.mass_matrix(self, threads=threads, dtype=precise, **arrays)}, out, arrays)
         if natively:
             answer = self._natively(question, t, threads, precise, out, arrays)
             if answer is not None:
                 return answer
         if backend == "native" and formalism == "auto" and self.composes:
-            answer = self._composed(question, t, threads, precise, arrays)
+            _ = self._possible
+            answer = composed.answer(self, question, t, threads, precise, arrays)
             if answer is not None:
                 return self._written(answer, out, arrays)
         # The readable reference; and what names the cause where a kernel found that something is wrong.
@@ -119,38 +115,6 @@ class Evaluator:
                 "lost in rounding. Leave dtype out: float64 can"
             )
         return self._written(answer, out, arrays)
-
-    def _quickly(self, question: Question, threads: int | None, out: Array | None, arrays: Mapping[str, object]) -> dict[str, Array] | None:
-        """The answer of a built-in function, from the second time that a question is asked; None where that leaves it to Python."""
-        if question not in self._shortcuts:
-            self._prepare(question)
-            return None
-        function, name, shape = self._shortcuts[question]
-        given = [arrays[name] for name in question.needs]
-        while given and given[-1] is None:
-            given.pop()
-        if function is None:
-            return None
-        flat = out
-        if out is not None:
-            if type(out) is not np.ndarray or out.shape[-len(shape) :] != shape or not out.flags.c_contiguous:
-                return None
-            flat = out.reshape(*out.shape[: -len(shape)], math.prod(shape))
-        found = function(*given, threads=threads, out=flat)
-        return None if found is None else {name: out if out is not None else found.reshape(found.shape[:-1] + shape)}
-
-    def _prepare(self, question: Question) -> None:
-        """Put a built-in function for a question in place, if its kernel is there already and has one array as its answer."""
-        kernel, shapes = self._kernels.get((question, DOUBLE)), question.shapes(self.robot)
-        if kernel is None or not fastcall.supported():
-            return
-        with self._hastening:
-            if question in self._shortcuts:
-                return
-            function, (name, shape) = None, next(iter(shapes.items()))
-            if len(shapes) == 1 and shape:
-                function = fastcall.bind(kernel, question.needs, _none, optional=len(question.needs) - 1)
-            self._shortcuts[question] = function, name, shape
 
     def _written(self, answer: dict[str, Array], out: Array | None, arrays: Mapping[str, object]) -> dict[str, Array]:
         """The answer, its one array moved to `out` where that is given."""
@@ -187,54 +151,14 @@ class Evaluator:
         return {name: x.reshape(batch + shapes[name]) for name, x in values.items()}
 
     @cached_property
-    def _at_rest(self) -> "Evaluator":
-        return Evaluator(self.robot, np.zeros(3), ())
-
-    def _mass_matrix(self, q: object, threads: int | None, dtype: np.dtype) -> Array:
-        """M̂ (..., nv, nv) of a robot of many bodies: what unit accelerations take at rest, without gravity and loads."""
-        x = inputs.checked(self.robot, {"q": q})["q"]
-        inputs.unit_quaternions(self.views().lumped.side_conditions(x))
-        return self._columns(x, threads, dtype)
-
-    def _columns(self, q: Array, threads: int | None, dtype: np.dtype = DOUBLE) -> Array:
-        balance, units = Balance(("residual",)), np.eye(self.robot.nv)
-        M = self._at_rest.ask(balance, q=q[..., None, :], v=None, a=-units, tau=None, threads=threads, dtype=dtype)["residual"]
-        return np.triu(M) + np.swapaxes(np.triu(M, 1), -1, -2)
-
-    def _composed(
-        self, question: Question, t: Array | float, threads: int | None, dtype: np.dtype, arrays: Mapping[str, object]
-    ) -> dict[str, Array] | None:
-        """The answer from M̂ η̇ = k̂, both sides by kernels, solved by LAPACK; None where a pivot is not to be trusted."""
-        tree = self.views().lumped.tree
-        _ = self._possible
-        x = inputs.checked(self.robot, arrays)
-        if question.admissible:
-            inputs.unit_quaternions(self.views().lumped.side_conditions(x["q"]))
-        if dtype != DOUBLE:  # as `_directly`
-            x = {name: inputs.rounded(name, a, dtype).astype(float) for name, a in x.items()}
-        found = self.ask(Balance(("residual", *BESIDE[type(question)])), t=t, threads=threads, q=x["q"], v=x["v"], a=None, tau=x["tau"])
-        k = found.pop("residual")
-        q, b = x["q"].reshape(-1, self.robot.nq), k.reshape(-1, tree.nv)
-        step = max(1, NUMBERS // tree.nv**2)
-        try:
-            blocks = (slice(i, i + step) for i in range(0, max(1, len(b)), step))
-            parts = [solve_dense(self._columns(q[block], threads), b[block]) for block in blocks]
-        except np.linalg.LinAlgError:
-            return None
-        solution = Solution(*(np.concatenate(part).reshape(k.shape) for part in zip(*parts, strict=True)))
-        if not (solution.pivots > smallest_pivots(tree, solution, float(np.finfo(dtype).eps))).all():
-            return None
-        found["vdot"] = solution.vdot
-        if isinstance(question, JointReactions):
-            known = KnownReactions(question.frame, question.part, question.joints)
-            found = self.ask(known, t=t, threads=threads, q=x["q"], v=x["v"], a=solution.vdot, u=found["u"])
-        values = {name: found[name].astype(dtype, copy=False) for name in question.shapes(self.robot)}
-        return values if all(np.isfinite(a).all() for a in values.values()) else None
-
-    @cached_property
     def _possible(self) -> bool:
         refuse_impossible(self.robot, self.views().lumped.tree)
         return True
+
+    @cached_property
+    def unloaded(self) -> "Evaluator":
+        """That of the robot alone, without gravity and loads."""
+        return Evaluator(self.robot, np.zeros(3), ())
 
     def _directly(
         self, question: Question, backend: str, t: Array | float, arrays: Mapping[str, object], dtype: np.dtype = DOUBLE
@@ -280,24 +204,13 @@ class Evaluator:
                 refuse_infinite_loads(equations.loads, State(self.robot, equations.tree, t, q, v))
 
     def hasten(self, owner: object, method: FunctionType, question: Question) -> None:
-        """From now on, answer an object's plain calls of a method by a built-in function: its attribute stands before the class's.
-
-        The method's first arguments are what the question needs; any call that gives it more than `threads` and `out` beside goes to the
-        method as before. Not where a subclass has a method of its own: that one is to be called.
-        """
-        name = method.__name__
-        if name in owner.__dict__ or getattr(type(owner), name) is not method or DEFAULT != "native" or not fastcall.supported():
-            return
-        if not self.compiles(getattr(question, "formalism", None)):
+        """From now on, answer an object's plain calls of a method by a built-in function, see `Shortcuts.hasten`."""
+        if DEFAULT != "native" or not self.compiles(getattr(question, "formalism", None)):
             return
         try:
-            kernel = self.kernel(question)
+            self._shortcuts.hasten(owner, method, question, partial(self.kernel, question))
         except ZeroDivisionError:  # a pivot is zero whatever the state: the method itself says which
             return
-        with self._hastening:
-            if name not in owner.__dict__:  # another thread may have been first: what it put there may be running already
-                optional = len(method.__defaults__ or ())
-                owner.__dict__[name] = fastcall.bind(kernel, question.needs, MethodType(method, owner), optional=optional)
 
     # --- kernels ---
 
@@ -433,10 +346,6 @@ class Evaluator:
 def finished(graph: Graph | Recorder, sizes: Mapping[str, int], outputs: Mapping[str, Array], guards: list[object]) -> Program | Looped:
     """The program of what was traced or recorded."""
     return graph.finish(sizes, outputs, guards) if isinstance(graph, Recorder) else program(graph, sizes, outputs, guards, optional=("t",))
-
-
-def _none(*_: object, **__: object) -> None:
-    """What a built-in function is told by where it cannot answer."""
 
 
 def guards_of(robot: Mechanism, views: Views, answer: Answer, q: Array | None, dtype: np.dtype = DOUBLE) -> list[object]:

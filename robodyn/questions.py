@@ -157,7 +157,7 @@ class JointReactions(Question):
         solution = moving.accelerate(q, v, acts, self.formalism, carried=shared)
         wrenches = acts.wrenches if moving is opened else opened.wrenches(t, q, v)
         shown = {"frame": self.frame, "part": self.part, "joints": self.joints}
-        return Answer({"wrenches": opened.reactions(q, v, solution.vdot, acts.u, wrenches, from_rest=shared, **shown)}, solution)
+        return Answer({"wrenches": opened.reactions(q, v, solution.vdot, acts.u, wrenches, from_bias=shared, **shown)}, solution)
 
 
 @dataclass(frozen=True)

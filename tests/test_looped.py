@@ -10,7 +10,7 @@ import pytest
 from tools import EPS, case, condition, error
 
 import robodyn as rd
-from robodyn import evaluate
+from robodyn import composed, evaluate
 from robodyn.algebra import frozen, rotation
 from robodyn.engine import blocks, integrate, kernel as kernels
 from robodyn.engine.sweeps import Looped, Recorder
@@ -600,7 +600,7 @@ def test_states_with_mimic_joints_in_any_shape(gang, monkeypatch):
     whole = scene.forward_dynamics(states, v, tau)
     for i in np.ndindex(2, 3):
         assert np.array_equal(whole[i], scene.forward_dynamics(states[i], v[i], tau[i], threads=1))
-    monkeypatch.setattr(evaluate, "NUMBERS", 2 * robot.nv**2)
+    monkeypatch.setattr(composed, "NUMBERS", 2 * robot.nv**2)
     assert np.array_equal(scene.forward_dynamics(states, v, tau), whole)
     out = np.empty(whole.shape)
     assert scene.forward_dynamics(states, v, tau, out=out) is out

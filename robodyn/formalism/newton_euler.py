@@ -35,12 +35,12 @@ def resultants(tree: Tree, state: Motion, accelerations: Field, wrenches: Wrench
     return tree.each(resultant, state.twist, accelerations, tree.on_bodies(wrenches))
 
 
-def resultants_at_rest(tree: Tree, state: Motion, wrenches: Wrenches, gravity: Array) -> Field:
+def bias_resultants(tree: Tree, state: Motion, wrenches: Wrenches, gravity: Array) -> Field:
     """f̌ᵏ_i (..., 6) at η̇ = 0: M ā − f̌ᶜ − f̌ᵗ, gravity included."""
     return resultants(tree, state, accelerations(tree, state, falling_ground(gravity)), wrenches)
 
 
-def resultants_of_change(tree: Tree, state: Motion, vdot: Array) -> Field:
+def added_resultants(tree: Tree, state: Motion, vdot: Array) -> Field:
     """M J η̇ (..., 6): what η̇ adds to f̌ᵏ_i of η̇ = 0."""
     still = state._replace(bias=tree.each(lambda _: np.zeros(6)))
     changes = accelerations(tree, still, np.zeros(6), vdot)

@@ -12,7 +12,7 @@ from ..model import Body, Field, Tree
 from . import ldl
 from .constraints import batch_of, coordinate_forces
 from .kinematics import Motion, motion
-from .newton_euler import Wrenches, resultants_at_rest
+from .newton_euler import Wrenches, bias_resultants
 from .reactions import inward
 from .solution import Solution
 from .spatial import Pose, RigidInertia
@@ -65,7 +65,7 @@ def mass_matrix(tree: Tree, state: Motion, dtype: np.dtype) -> Array:
 
 def bias_forces(tree: Tree, state: Motion, wrenches: Wrenches, gravity: Array) -> Array:
     """−k̂ᶜ − k̂ᵗ (..., nv) of everything but the joint forces: Jᵀ(M ā − f̌ᶜ − f̌ᵗ), gravity included."""
-    f = inward(tree, state, resultants_at_rest(tree, state, wrenches, gravity))
+    f = inward(tree, state, bias_resultants(tree, state, wrenches, gravity))
     return coordinate_forces(tree, state, f)
 
 

@@ -12,7 +12,7 @@ from ..arithmetic import Array
 from ..errors import UnknownNameError
 from ..model import Body, Field, Tree
 from .kinematics import Motion, accelerations, falling_ground, joint_position, world_poses
-from .newton_euler import Wrenches, resultants, resultants_at_rest, resultants_of_change
+from .newton_euler import Wrenches, added_resultants, bias_resultants, resultants
 from .spatial import Pose, angular, linear, wrench_to_parent
 
 FRAMES = ("child", "parent", "world")
@@ -53,13 +53,13 @@ def inward(tree: Tree, state: Motion, f: Field) -> Field:
     return tree.inward(step, state.pose, f)
 
 
-def joint_wrenches(tree: Tree, state: Motion, vdot: Array, wrenches: Wrenches, gravity: Array, *, from_rest: bool = False) -> Field:
+def joint_wrenches(tree: Tree, state: Motion, vdot: Array, wrenches: Wrenches, gravity: Array, *, from_bias: bool = False) -> Field:
     """The whole wrench (..., 6) through each joint at η̇: reaction and joint forces together.
 
-    from_rest: f̌ᵏ is put together from that of η̇ = 0 and M J η̇. It is the same, and cheaper where `nonrecursive` has found the former for k̂.
+    from_bias: f̌ᵏ is put together from that of η̇ = 0 and M J η̇. It is the same, and cheaper where `nonrecursive` has found the former for k̂.
     """
-    if from_rest:
-        rest, change = resultants_at_rest(tree, state, wrenches, gravity), resultants_of_change(tree, state, vdot)
+    if from_bias:
+        rest, change = bias_resultants(tree, state, wrenches, gravity), added_resultants(tree, state, vdot)
         return inward(tree, state, tree.each(lambda _, f, more: f + more, rest, change))
     a = accelerations(tree, state, falling_ground(gravity), vdot)
     return inward(tree, state, resultants(tree, state, a, wrenches))
