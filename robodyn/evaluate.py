@@ -3,12 +3,10 @@
 With `looped` the only place that knows both the equations and the engine.
 """
 
-import gc
 import math
-import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
-from functools import cached_property, partial, wraps
+from functools import cached_property, partial
 from importlib.util import find_spec
 from types import FunctionType
 from typing import Any
@@ -27,6 +25,7 @@ from .errors import InputError, ModelError
 from .loads import Load, State
 from .looped import LoopedViews
 from .model import Mechanism
+from .processes import lock, without_collections
 from .questions import Answer, Evolution, ForwardDynamics, JointReactions, MassMatrix, Question
 from .shortcuts import Shortcuts
 from .trust import refuse_impossible, refuse_infinite, refuse_infinite_loads, refuse_massless, refuse_undetermined, smallest_pivots
@@ -35,22 +34,6 @@ UNROLLED = 50  # moving bodies and freedoms up to which a kernel is straight-lin
 WRITTEN_OUT = 100  # up to which "nonrecursive", which has no loops, is compiled all the same; beyond, NumPy answers
 BACKENDS = ("native", "numpy", "mpmath")
 DEFAULT = "native" if find_spec("llvmlite") else "numpy"
-
-
-def without_collections(function: Callable[..., Any]) -> Callable[..., Any]:
-    """The function, run while Python does not look for garbage: a trace makes many objects, all in use, and would wait for it."""
-
-    @wraps(function)
-    def running(*arguments: Any, **options: Any) -> Any:
-        if not gc.isenabled():
-            return function(*arguments, **options)
-        gc.disable()
-        try:
-            return function(*arguments, **options)
-        finally:
-            gc.enable()
-
-    return running
 
 
 _NOW, _ZERO = 0.0, np.zeros(1)  # the time where none is given
@@ -66,7 +49,7 @@ class Evaluator:
         self._kernels: dict[tuple[Question, np.dtype], Kernel] = {}
         self.step_loops: dict[tuple, Any] = {}  # compiled integrators, by what `simulation.native` compiles them for
         self._spare: dict[Question, Program | Looped] = {}
-        self._shortcuts, self._lock = Shortcuts(robot), threading.Lock()
+        self._shortcuts, self._lock = Shortcuts(robot), lock()
 
     def views(self, backend: str = "numpy") -> Views:
         """The equations of a backend."""

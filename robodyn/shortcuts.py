@@ -1,7 +1,6 @@
 """Built-in functions that answer plain calls with the least that CPython asks for; whatever else is asked goes the usual way."""
 
 import math
-import threading
 from collections.abc import Callable, Mapping
 from types import FunctionType, MethodType
 from typing import Any
@@ -12,6 +11,7 @@ from .arithmetic import Array
 from .engine import fastcall
 from .engine.kernel import Kernel
 from .model import Mechanism
+from .processes import lock
 from .questions import Question
 
 
@@ -19,7 +19,7 @@ class Shortcuts:
     """Those of one robot under one gravity and its loads."""
 
     def __init__(self, robot: Mechanism) -> None:
-        self._robot, self._lock = robot, threading.Lock()
+        self._robot, self._lock = robot, lock()
         self._known: dict[Question, tuple[Any, str, tuple[int, ...]]] = {}  # a built-in function, its array's name and shape
 
     def answer(

@@ -25,6 +25,7 @@ WHOLE = 10000  # instructions up to which a program is one function: what crosse
 PIECE = 2500  # instructions in one function beyond: LLVM's time grows faster than linearly, and it spills more than crosses
 BINARY = {"add": "fadd", "sub": "fsub", "mul": "fmul", "div": "fdiv"}
 INTRINSIC = {"sqrt": "sqrt", "abs": "fabs", "min": "minimum", "max": "maximum"}
+INTRINSIC |= {name: name for name in ("floor", "ceil", "trunc", "rint")}
 # Conditions: i1 in a function; in a slot 1 or 0.
 CONDITION = {"lt": "fcmp olt", "le": "fcmp ole", "eq": "fcmp oeq", "and": "and", "or": "or", "not": "xor"}
 

@@ -6,7 +6,7 @@ knows nothing of what the numbers mean.
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,7 @@ Node = tuple[Any, ...]  # (operation, operand, …): operands are node numbers, 
 TRIGONOMETRIC = ("sin", "cos")
 LEAVES = ("const", "in")
 CONDITIONS = ("true", "false", "lt", "le", "eq", "and", "or", "not")  # what they give is no number
-ODD = ("sin", "tan", "tanh", "asin", "atan", "sinh")
+ODD = ("sin", "tan", "tanh", "asin", "atan", "sinh", "cbrt", "trunc", "rint")
 EVEN = ("cos", "cosh", "abs")
 POWERS = 16  # whole exponents up to which a power is computed by multiplication
 
@@ -419,11 +419,7 @@ class Scalar(Traced):
 
     def arctan2(self, x: object) -> "Scalar":
         """The angle of the point (x, y = self), in [−π, π]."""
-        other = self.graph.lift(x)
-        a, b = self.constant, other.constant
-        if a is not None and b is not None:
-            return self.graph.lift(math.atan2(a, b))
-        return self.graph.node("atan2", self.number, other.number)
+        return self._of_two("atan2", math.atan2, self, self.graph.lift(x))
 
     def sinh(self) -> "Scalar":
         """sinh x."""
@@ -452,6 +448,62 @@ class Scalar(Traced):
     def log1p(self) -> "Scalar":
         """log(1 + x)."""
         return self._function("log1p")
+
+    def cbrt(self) -> "Scalar":
+        """The real cube root."""
+        return self._function("cbrt")
+
+    def hypot(self, other: object) -> "Scalar":
+        """√(x² + y²), without overflow on the way."""
+        return self._of_two("hypot", np.hypot, self, self.graph.lift(other))
+
+    def floor(self) -> "Scalar":
+        """The largest whole number that is not above x."""
+        return self._function("floor")
+
+    def ceil(self) -> "Scalar":
+        """The smallest whole number that is not below x."""
+        return self._function("ceil")
+
+    def trunc(self) -> "Scalar":
+        """x without what is behind the point."""
+        return self._function("trunc")
+
+    def rint(self) -> "Scalar":
+        """The nearest whole number, the even one of two."""
+        return self._function("rint")
+
+    def _of_two(self, name: str, known: Callable[..., Any], x: "Scalar", y: "Scalar") -> "Scalar":
+        a, b = x.constant, y.constant
+        if a is not None and b is not None:
+            return self.graph.lift(float(known(a, b)))
+        return self.graph.node(name, x.number, y.number)
+
+    def fmod(self, other: object) -> "Scalar":
+        """x − trunc(x/y) y without rounding, of the sign of x."""
+        return self._of_two("fmod", np.fmod, self, self.graph.lift(other))
+
+    def __mod__(self, other: object) -> "Scalar":
+        """x − ⌊x/y⌋ y without rounding, of the sign of y, as np.remainder."""
+        if isinstance(other, np.ndarray):
+            return NotImplemented
+        y = self.graph.lift(other)
+        rest = self.fmod(y)
+        other_sign = (rest < 0.0) & (y > 0.0) | (rest > 0.0) & (y < 0.0)
+        return (rest == 0.0).select(0.0, other_sign.select(rest + y, rest))
+
+    def __rmod__(self, other: object) -> "Scalar":
+        return NotImplemented if isinstance(other, np.ndarray) else self.graph.lift(other) % self
+
+    def __floordiv__(self, other: object) -> "Scalar":
+        """⌊x/y⌋, where rounding of x/y does not make it another, as np.floor_divide."""
+        if isinstance(other, np.ndarray):
+            return NotImplemented
+        y = self.graph.lift(other)
+        return ((self - self % y) / y).rint()
+
+    def __rfloordiv__(self, other: object) -> "Scalar":
+        return NotImplemented if isinstance(other, np.ndarray) else self.graph.lift(other) // self
 
     def __abs__(self) -> "Scalar":
         return self._function("abs")

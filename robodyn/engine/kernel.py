@@ -3,7 +3,6 @@
 import ctypes
 import math
 import os
-import threading
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor, wait
 from functools import cache
@@ -13,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..arithmetic import Array
+from ..processes import cores, lock
 from . import blocks, cache as disk, emit
 from .compile import OPTIONS, Loaded, cpu, lanes, llvm, object_code
 from .program import Program
@@ -34,7 +34,7 @@ class Kernel:
         self.program, self.dtype = program, np.dtype(dtype)
         self._listeners: list[Callable[[int, Any], None]] = []
         self._functions: dict[int, Any] = {}
-        self._lock = threading.Lock()
+        self._lock = lock()
 
     def __call__(
         self, batch: tuple[int, ...], arrays: Mapping[str, Array], threads: int | None = None, out: Mapping[str, Array] = NOTHING
@@ -62,7 +62,7 @@ class Kernel:
             return first + bad if bad >= 0 else -1
 
         workers = n * self.program.length // WORK if n >= 2 * width and threads != 1 else 1
-        workers = min(workers, threads or os.cpu_count() or 1, MOST_THREADS) if workers > 1 else 1
+        workers = min(workers, threads or cores(), MOST_THREADS) if workers > 1 else 1
         if workers <= 1:
             return outputs, part(0, n)
         # Chunks are whole blocks of lanes; the last takes what is left over.

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..arithmetic import Array
 from ..errors import InputError, RobodynError
+from ..processes import cores
 from ..robot import Robot, load
 from ..scene import EARTH, Scene
 from .timing import Job
@@ -30,7 +31,7 @@ class Settings:
     dt: float = 1e-3  # [s]
     crowd: int = 1024  # trajectories at a time
     crowd_steps: int = 100
-    threads: int = os.cpu_count() or 1  # of the crowd; all else runs on one
+    threads: int = cores()  # of the crowd; all else runs on one
     checked: int = 8  # states whose results are compared with 50 digits before any time is taken
 
     @classmethod

@@ -1,6 +1,5 @@
 """`simulate_many`: N trajectories of one scene at a time, in SIMD lanes and threads."""
 
-import os
 import threading
 import time
 from collections.abc import Sequence
@@ -18,6 +17,7 @@ from ..equations import FORMALISMS, SADDLES
 from ..errors import InputError, ModelError, RobodynError, SimulationError
 from ..evaluate import DEFAULT
 from ..model import Mechanism
+from ..processes import cores
 from ..questions import Evolution, Result
 from ..scene import Scene
 from . import native
@@ -105,7 +105,7 @@ def simulate_many(
     rows = np.minimum(np.arange(-(-len(x0) // width) * width), len(x0) - 1).reshape(-1, width)
     started, stop = time.perf_counter(), threading.Event()
     crowd = native.Crowd(advance, x0[rows].transpose(0, 2, 1), t0, t_end, wanted, dt)
-    workers = max(1, min(threads or os.cpu_count() or 1, len(rows)))
+    workers = max(1, min(threads or cores(), len(rows)))
     ends = np.linspace(0, len(rows), workers + 1).astype(int)
     if workers == 1:
         failed = [crowd.run(0, len(rows), lambda: True)]

@@ -230,6 +230,7 @@ def test_help_still_shows_the_arguments(kind):
 def test_a_fork_waits_for_another_threads_compiler():
     code = """
 import os, signal, threading, time, numpy as np, robodyn as rd
+import gc
 small, large = (rd.random_robot(np.random.default_rng(3), n) for n in (2, 25))
 ask = lambda robot: robot.forward_dynamics(robot.neutral(), np.zeros(robot.nv))
 small.reactions(small.neutral(), np.zeros(small.nv))
@@ -243,7 +244,7 @@ time.sleep(0.01)
 child = os.fork()
 if not child:
     signal.alarm(20)
-    os._exit(0 if np.isfinite(ask(small)).all() else 1)
+    os._exit(0 if np.isfinite(ask(small)).all() and np.isfinite(ask(large)).all() and gc.isenabled() else 1)
 thread.join()
 print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
 """

@@ -145,14 +145,19 @@ SPECIAL = [0.0, -0.0, 1.0, -1.0, 2.0, -2.0, 0.5, -0.5, 3.0, 1e300, -1e300, 1e-31
 SPECIAL += [np.inf, -np.inf, np.nan, 710.0]
 
 
-@pytest.mark.parametrize("name", ["exp", "log", "tanh", "sign", "expm1", "log1p", "arctan", "absolute"])
+@pytest.mark.parametrize(
+    "name", ["exp", "log", "tanh", "sign", "expm1", "log1p", "arctan", "absolute", "cbrt", "floor", "ceil", "trunc", "rint"]
+)
 def test_special_cases_are_numpys(name):
     k = kernel(getattr(np, name))
     for x in SPECIAL:
         agrees(k, np.array([x]), getattr(np, name))
 
 
-@pytest.mark.parametrize("name", ["power", "minimum", "maximum", "arctan2", "less", "less_equal", "equal", "not_equal", "greater"])
+@pytest.mark.parametrize(
+    "name",
+    ["power", "minimum", "maximum", "arctan2", "hypot", "less", "less_equal", "equal", "not_equal", "greater"],
+)
 def test_special_pairs_are_numpys(name):
     k = kernel(lambda x, y: 1.0 * getattr(np, name)(x, y), 2)
     for x in SPECIAL:
@@ -162,6 +167,18 @@ def test_special_pairs_are_numpys(name):
             if name in ("minimum", "maximum") and x == y == 0:  # NumPy takes either zero
                 continue
             agrees(k, np.array([x, y]), lambda a, b: 1.0 * getattr(np, name)(a, b))
+
+
+@pytest.mark.parametrize("name", ["remainder", "floor_divide"])
+def test_remainders_are_numpys(name):
+    """But for the sign of zero, in which NumPy's own loops differ."""
+    k, rng = kernel(getattr(np, name), 2), np.random.default_rng(8)
+    pairs = [(x, y) for x in SPECIAL for y in SPECIAL if abs(x) < 1e100 and 1e-100 < abs(y) < 1e200]
+    pairs += [(x, y) for x in (-7.5, -3.0, 3.0, 7.5) for y in (-3.0, -2.5, 2.5, 3.0)]
+    xs = np.vstack([pairs, rng.uniform(-20, 20, (500, 2)), np.stack([rng.uniform(-50, 50, 500), np.full(500, 2 * np.pi)], 1)])
+    found, bad = k((len(xs),), {"x": xs})
+    assert bad == -1
+    assert np.array_equal(found["y"][:, 0], getattr(np, name)(*xs.T))
 
 
 def test_special_pairs_where_numpy_differs():
@@ -209,6 +226,14 @@ FLOATS = {
     "power": (0.1, 9),
     "minimum": (-1, 1),
     "maximum": (-1, 1),
+    "cbrt": (-9, 9),
+    "hypot": (-9, 9),
+    "floor": (-9, 9),
+    "ceil": (-9, 9),
+    "trunc": (-9, 9),
+    "rint": (-9, 9),
+    "remainder": (-9, 9),
+    "floor_divide": (-9, 9),
 }
 
 
@@ -216,7 +241,7 @@ FLOATS = {
 def test_one_name_for_three_arithmetics(name):
     """float64, 50 digits and traced: one function of `arithmetic`, the same numbers up to a few roundings of each library."""
     function, rng = getattr(arithmetic, name), np.random.default_rng(5)
-    n = 2 if name in ("arctan2", "power", "minimum", "maximum") else 1
+    n = getattr(np, name).nin
     xs = rng.uniform(*FLOATS[name], (40, n))
     floats = function(*xs.T)
     assert floats.dtype == float

@@ -1,0 +1,56 @@
+"""What concerns the whole process: the cores it may use, locks that a forked child finds free, and Python's search for garbage."""
+
+import gc
+import os
+import threading
+import weakref
+from collections.abc import Callable
+from functools import wraps
+from typing import Any
+
+_locks: "weakref.WeakSet[threading.Lock]" = weakref.WeakSet()
+_paused = False
+
+
+def cores() -> int:
+    """Cores that this process may use: a container or `taskset` may leave it fewer than there are."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def lock() -> threading.Lock:
+    """A lock that is free in a forked child, whichever thread held it: that thread does not live there, and would never release it."""
+    made = threading.Lock()
+    _locks.add(made)
+    return made
+
+
+def without_collections(function: Callable[..., Any]) -> Callable[..., Any]:
+    """The function, run while Python does not look for garbage: a trace makes many objects, all in use, and would wait for it."""
+
+    @wraps(function)
+    def running(*arguments: Any, **options: Any) -> Any:
+        global _paused
+        if not gc.isenabled():
+            return function(*arguments, **options)
+        _paused = True
+        gc.disable()
+        try:
+            return function(*arguments, **options)
+        finally:
+            gc.enable()
+            _paused = False
+
+    return running
+
+
+def _in_child() -> None:
+    for held in list(_locks):
+        held._at_fork_reinit()  # type: ignore[attr-defined]  # as Python's own modules do
+    if _paused:
+        gc.enable()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_in_child)
