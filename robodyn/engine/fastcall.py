@@ -156,7 +156,6 @@ def module(program: Program | Looped, arrays: tuple[str, ...], optional: int) ->
     """IR text of the table, and of `ptr @call(ptr self, ptr arguments, i64 count, ptr keywords)`."""
     (values,) = program.outputs.values()
     length, width = max(1, program.length), len(values)
-    sizes = [program.inputs[name] for name in arrays]
     lines = [f"@table = global [{len(TABLE)} x ptr] zeroinitializer"]
     lines.append(f"@zeros = internal global [{max(program.inputs.values(), default=1)} x double] zeroinitializer")
     lines.append("define ptr @call(ptr %self, ptr %arguments, i64 %count, ptr %keywords) {")
@@ -165,41 +164,66 @@ def module(program: Program | Looped, arrays: tuple[str, ...], optional: int) ->
     for name in TABLE:
         lines.append(f"  %{name}.at = getelementptr ptr, ptr @table, i64 {TABLE.index(name)}")
         lines.append(f"  %{name} = load ptr, ptr %{name}.at")
-    most, least = len(arrays), len(arrays) - optional
-    code.require(f"icmp sle i64 %count, {most}")
-    code.require(f"icmp sge i64 %count, {least}")
+    code.require(f"icmp sle i64 %count, {len(arrays)}")
+    code.require(f"icmp sge i64 %count, {len(arrays) - optional}")
     out, threads = _keywords(code)
+    places, shape = _arguments(code, [program.inputs[name] for name in arrays], optional)
+    run = _code_to_run(code, shape, threads, length)
+    result = _result(code, out, width, shape, places)
+    by_name = dict(zip(arrays, places, strict=True))
+    _evaluated(code, run, [by_name.get(name, ("@zeros", "0")) for name in program.inputs], result, shape, length)
+    lines += ["error:", "  ret ptr null"]
+    lines += ["discard:", f"  call void %decref(ptr {result})", "  br label %elsewhere"]
+    lines += [
+        "elsewhere:",
+        "  %answer = call ptr %vectorcall(ptr %self, ptr %arguments, i64 %count, ptr %keywords)",
+        "  ret ptr %answer",
+        "}",
+    ]
+    return "\n".join(lines) + "\n"
 
-    # Each argument: a plain float64 array of one dimension, or of two and with as many rows as the first.
-    places, strides, first = [], [], ("", "")
+
+Place = tuple[str, str]  # where an array's numbers are, and how many lie between its rows: 0 where one row serves all
+Shape = tuple[str, str]  # an array's numbers of dimensions and of rows
+
+
+def _arguments(code: "_Checks", sizes: list[int], optional: int) -> tuple[list[Place], Shape]:
+    """Each argument: a plain float64 array of one dimension, or of two and with as many rows as the first; zeros for what is not given."""
+    places: list[Place] = []
+    shape = ("", "")
     for k, size in enumerate(sizes):
-        if k < least:
-            place, first = _argument(code, k, size, first)
-            places.append(place)
-            strides.append(str(size))
+        if k < len(sizes) - optional:
+            place, shape = _argument(code, k, size, shape)
+            places.append((place, str(size)))
             continue
         with code.branch(code.value(f"icmp sgt i64 %count, {k}")) as merged:
-            place, _ = _argument(code, k, size, first)
-        places.append(merged("ptr", place, "@zeros"))
-        strides.append(merged("i64", str(size), "0"))
-    nd, rows = first
-    code.require(f"icmp sgt i64 {rows}, 0")
+            place, _ = _argument(code, k, size, shape)
+        places.append((merged("ptr", place, "@zeros"), merged("i64", str(size), "0")))
+    code.require(f"icmp sgt i64 {shape[1]}, 0")
+    return places, shape
 
+
+def _code_to_run(code: "_Checks", shape: Shape, threads: str, length: int) -> str:
+    """Few states: scalar code. More: vector code, once it is there."""
+    _, rows = shape
     # Work for several threads is the fallback's, unless it may have one only.
     alone = code.value(f"icmp slt i64 {rows}, {(2 * WORK - 1) // length + 1}")
     code.require_value(code.value(f"or i1 {alone}, {code.value(f'icmp eq ptr {threads}, %one')}"))
-    # Few states: scalar code. More: vector code, once it is there.
     few = code.value(f"icmp slt i64 {rows}, {lanes()}")
     run = code.value(f"select i1 {few}, ptr %scalar_run, ptr %vector_run")
     code.require(f"icmp ne ptr {run}, null")
+    return run
 
-    # The result: a given array apart from the arguments, or a new one.
+
+def _result(code: "_Checks", out: str, width: int, shape: Shape, places: list[Place]) -> str:
+    """The array of the result, counted once more: a given one apart from the arguments, or a new one."""
+    nd, rows = shape
     with code.branch(code.value(f"icmp ne ptr {out}, null")):
         code.plain(out, PLAIN | WRITEABLE)
-        code.extent(out, width, first)
+        code.extent(out, width, shape)
         start = code.field(out, DATA, "ptr")
         end = code.after(start, code.value(f"mul i64 {rows}, {width}"))
-        for place, stride in zip(places, strides, strict=True):
+        for place, stride in places:
             stop = code.after(place, code.value(f"mul i64 {rows}, {stride}"))
             before, behind = code.value(f"icmp ule ptr {end}, {place}"), code.value(f"icmp ule ptr {stop}, {start}")
             code.require_value(code.value(f"or i1 {before}, {behind}"))
@@ -211,11 +235,13 @@ def module(program: Program | Looped, arrays: tuple[str, ...], optional: int) ->
         arguments = f"ptr %ndarray, i32 {nd}, ptr %shape, i32 {DOUBLE}, ptr null, ptr null, i32 0, i32 0, ptr null"
         new = code.value(f"call ptr %array_new({arguments})")
         code.require(f"icmp ne ptr {new}, null", otherwise="error")
-    result = merged("ptr", new, out)
+    return merged("ptr", new, out)
 
-    # Long work lets other Python threads run.
-    pairs = {name: f"ptr {places[k]}, i64 {strides[k]}" for k, name in enumerate(arrays)}
-    passed = ", ".join(pairs.get(name, "ptr @zeros, i64 0") for name in program.inputs)
+
+def _evaluated(code: "_Checks", run: str, inputs: list[Place], result: str, shape: Shape, length: int) -> None:
+    """Fill the result and return it. Long work lets other Python threads run."""
+    _, rows = shape
+    passed = ", ".join(f"ptr {place}, i64 {stride}" for place, stride in inputs)
     arguments = f"{passed}, ptr {code.field(result, DATA, 'ptr')}, i64 {rows}"
     with code.branch(code.value(f"icmp sgt i64 {rows}, {SMALL // length}")) as merged:
         state = code.value("call ptr %save_thread()")
@@ -225,20 +251,10 @@ def module(program: Program | Looped, arrays: tuple[str, ...], optional: int) ->
         code.add(f"call void %restore_thread(ptr {state})")
     code.require(f"icmp slt i64 {bad}, 0", otherwise="discard")
     code.add(f"ret ptr {result}")
-    lines.append("error:")
-    lines.append("  ret ptr null")
-    lines.append("discard:")
-    lines.append(f"  call void %decref(ptr {result})")
-    lines.append("  br label %elsewhere")
-    lines.append("elsewhere:")
-    lines.append("  %answer = call ptr %vectorcall(ptr %self, ptr %arguments, i64 %count, ptr %keywords)")
-    lines.append("  ret ptr %answer")
-    lines.append("}")
-    return "\n".join(lines) + "\n"
 
 
-def _argument(code: "_Checks", k: int, size: int, first: tuple[str, str]) -> tuple[str, tuple[str, str]]:
-    """Where the numbers of argument k are, and its numbers of dimensions and rows."""
+def _argument(code: "_Checks", k: int, size: int, first: Shape) -> tuple[str, Shape]:
+    """Where the numbers of argument k are, and its shape, which is the first one's."""
     array = code.value(f"load ptr, ptr {code.value(f'getelementptr ptr, ptr %arguments, i64 {k}')}")
     code.plain(array, PLAIN)
     extent = code.extent(array, size, first)
@@ -308,7 +324,7 @@ class _Checks:
         self.require(f"icmp uge i32 {nd}, 1")
         self.require(f"icmp ule i32 {nd}, 2")
 
-    def extent(self, array: str, width: int, first: tuple[str, str]) -> tuple[str, str]:
+    def extent(self, array: str, width: int, first: Shape) -> Shape:
         """Its numbers of dimensions and of rows, which are those of the first array, if there is one; its rows are of this width."""
         nd, dims = self.field(array, ND, "i32"), self.field(array, DIMS, "ptr")
         last = self.value(f"sub i32 {nd}, 1")
