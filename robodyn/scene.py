@@ -133,7 +133,8 @@ class Scene:
         """η̇ (..., nv) [rad/s², m/s²] under the joint forces tau (..., nv) [N m, N], none if not given, and the loads at time t [s].
 
         formalism: "recursive", "nonrecursive", "saddle_joint" or "saddle_body", the routes of M̂ η̇ = k̂ and eqs. (18), (19); "auto" takes
-        the one with the fewest operations. The saddle-point routes are oracles and always run on NumPy.
+        the cheaper of the first two, counted in operations and in values that wait for long. The saddle-point routes are oracles and
+        always run on NumPy.
         """
         question, t = questions.ForwardDynamics(inputs.choice("formalism", formalism, FORMALISMS)), inputs.number("t", t)
         if formalism == "auto" and self._plain(t, backend, dtype):

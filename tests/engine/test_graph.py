@@ -7,7 +7,7 @@ import pytest
 
 from robodyn.engine.graph import Graph, Scalar
 from robodyn.engine.kernel import Kernel
-from robodyn.engine.program import program
+from robodyn.engine.program import FAR, NEAR, program
 
 
 @pytest.fixture
@@ -129,6 +129,18 @@ def test_a_branch_on_a_traced_number_is_refused(xy):
     _, x, _ = xy
     with pytest.raises(TypeError, match="truth value"):
         bool(x)
+
+
+@pytest.mark.parametrize("n", [100, 300])
+def test_what_waits_long_costs_more_than_its_operations(n):
+    """n sums are made, then used in their order: of more than the first-level cache holds, the first have left it by then."""
+    graph = Graph()
+    x = graph.inputs("x", (n,))
+    sums = [a + b for a, b in zip(x, np.roll(x, 1), strict=True)]
+    code = program(graph, {"x": n}, {"y": np.array([*sums, sum((s * s for s in sums[1:]), sums[0] * sums[0])])})
+    assert code.operations == 3 * n - 1
+    far = (code.cost - code.operations) / FAR
+    assert far == 0 if n < NEAR else n - NEAR < far <= n
 
 
 def test_guards_and_what_is_not_finite_are_reported():
