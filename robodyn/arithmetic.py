@@ -108,8 +108,10 @@ equal = _of_arrays("equal", operator.eq, 2)
 not_equal = _of_arrays("not_equal", operator.ne, 2)
 logical_and = _of_arrays("logical_and", operator.and_, 2, identity=True)
 logical_or = _of_arrays("logical_or", operator.or_, 2, identity=False)
+logical_xor = _of_arrays("logical_xor", operator.xor, 2, identity=False)
 logical_not = _of_arrays("logical_not", lambda c: ~c if hasattr(c, "select") else not c, 1)
-ON_OBJECTS |= {"bitwise_and": ON_OBJECTS["logical_and"], "bitwise_or": ON_OBJECTS["logical_or"], "invert": ON_OBJECTS["logical_not"]}
+ON_OBJECTS |= {f"bitwise_{name}": ON_OBJECTS[f"logical_{name}"] for name in ("and", "or", "xor")}
+ON_OBJECTS["invert"] = ON_OBJECTS["logical_not"]
 for _names, _factor in ((("degrees", "rad2deg"), 180.0 / np.pi), (("radians", "deg2rad"), np.pi / 180.0)):
     ON_OBJECTS |= dict.fromkeys(_names, np.frompyfunc(lambda x, factor=_factor: x * factor, 1, 1))
 ON_OBJECTS["clip"] = np.frompyfunc(lambda x, low, high: ON_OBJECTS["minimum"](ON_OBJECTS["maximum"](x, low), high), 3, 1)

@@ -38,14 +38,15 @@ def answer(
     if question.admissible:
         inputs.unit_quaternions(equations.side_conditions(x["q"]))
     if dtype != np.float64:  # as the formalism itself is asked
-        x = {name: inputs.rounded(name, a, dtype).astype(float) for name, a in x.items()}
+        x = {name: inputs.rounded(name, a, dtype) for name, a in x.items()}
     found = evaluator.ask(Balance(("residual", *BESIDE[type(question)])), t=t, threads=threads, q=x["q"], v=x["v"], a=None, tau=x["tau"])
     k = found.pop("residual")
     q, b = x["q"].reshape(-1, robot.nq), k.reshape(-1, robot.nv)
     step = max(1, NUMBERS // robot.nv**2)
     try:
         blocks = (slice(i, i + step) for i in range(0, max(1, len(b)), step))
-        parts = [solve_dense(_columns(evaluator, q[block], threads, np.dtype(float)), b[block]) for block in blocks]
+        with np.errstate(all="ignore"):  # what is not finite is found below
+            parts = [solve_dense(_columns(evaluator, q[block], threads, np.dtype(float)), b[block]) for block in blocks]
     except np.linalg.LinAlgError:
         return None
     solution = Solution(*(np.concatenate(part).reshape(k.shape) for part in zip(*parts, strict=True)))
@@ -55,7 +56,8 @@ def answer(
     if isinstance(question, JointReactions):
         known = KnownReactions(question.frame, question.part, question.joints)
         found = evaluator.ask(known, t=t, threads=threads, q=x["q"], v=x["v"], a=solution.vdot, u=found["u"])
-    values = {name: found[name].astype(dtype, copy=False) for name in question.shapes(robot)}
+    with np.errstate(over="ignore"):
+        values = {name: found[name].astype(dtype, copy=False) for name in question.shapes(robot)}
     return values if all(np.isfinite(a).all() for a in values.values()) else None
 
 

@@ -5,7 +5,6 @@ Plain functions of arrays that are already checked (`inputs`), in whatever arith
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -24,6 +23,7 @@ from .formalism.spatial import Pose, wrench_to_parent
 from .loads import Load, State
 from .loads.answers import joint_forces, link_wrenches
 from .model import Body, Mechanism, Minimal, Tree, lump, minimal
+from .processes import cached_property
 
 SWEEPS = {"nonrecursive": nonrecursive, "recursive": recursive}
 SADDLES = {"saddle_joint": saddle_joint, "saddle_body": saddle_body}

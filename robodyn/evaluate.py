@@ -6,7 +6,7 @@ With `looped` the only place that knows both the equations and the engine.
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import cached_property, partial
+from functools import partial
 from importlib.util import find_spec
 from types import FunctionType
 from typing import Any
@@ -25,7 +25,7 @@ from .errors import InputError, ModelError
 from .loads import Load, State
 from .looped import LoopedViews
 from .model import Mechanism
-from .processes import lock, without_collections
+from .processes import cached_property, lock, without_collections
 from .questions import Answer, Evolution, ForwardDynamics, JointReactions, MassMatrix, Question
 from .shortcuts import Shortcuts
 from .trust import refuse_impossible, refuse_infinite, refuse_infinite_loads, refuse_massless, refuse_undetermined, smallest_pivots
@@ -34,8 +34,6 @@ UNROLLED = 50  # moving bodies and freedoms up to which a kernel is straight-lin
 WRITTEN_OUT = 100  # up to which "nonrecursive", which has no loops, is compiled all the same; beyond, NumPy answers
 BACKENDS = ("native", "numpy", "mpmath")
 DEFAULT = "native" if find_spec("llvmlite") else "numpy"
-
-
 _NOW, _ZERO = 0.0, np.zeros(1)  # the time where none is given
 
 
@@ -68,7 +66,7 @@ class Evaluator:
     ) -> dict[str, Array]:
         """The arrays of the answer, with the leading dimensions that the given arrays have together; None stands for zeros.
 
-        out: where the one array of the answer goes; float64, C-contiguous, of its shape, apart from the given arrays.
+        out: where the one array of the answer goes; of the dtype, C-contiguous, of its shape, apart from the given arrays.
         """
         if backend == "native" and dtype is np.float64 and type(t) is float and t == 0.0:
             quick = self._shortcuts.answer(question, self._kernels.get((question, DOUBLE)), threads, out, arrays)
@@ -105,7 +103,7 @@ class Evaluator:
             return answer
         ((name, values),) = answer.items()
         if values.dtype == object:
-            raise InputError("out is of float64 and cannot hold the digits of backend='mpmath': leave it out")
+            raise InputError("out is an array of floats and cannot hold the digits of backend='mpmath': leave it out")
         inputs.target(out, values.shape, arrays, values.dtype)[...] = values
         return {name: out}
 

@@ -67,6 +67,8 @@ def rounded(name: str, x: Array, dtype: np.dtype) -> Array:
 
 def as_array(name: str, value: object) -> Array:
     """`value` as an array; InputError where its rows have different lengths."""
+    if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
+        raise InputError(f"{name} has masked entries: every number must be given; fill them first, such as by {name}.filled(0.0)")
     try:
         return np.asarray(value)
     except ValueError:

@@ -8,7 +8,6 @@ the rarest join others.
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -18,6 +17,7 @@ from .engine.graph import Graph, Scalar
 from .engine.sweeps import SUM, Forest, Recorder, Records, objects
 from .equations import Equations, Views
 from .model import Body, Field, Inertia, Tree
+from .processes import cached_property
 
 KINDS = 8  # of a tree: beyond, those that are most alike share a step, as each takes some hundredths of a second to compile
 

@@ -6,7 +6,10 @@ import threading
 import weakref
 from collections.abc import Callable
 from functools import wraps
-from typing import Any
+from typing import Any, Generic, TypeVar, overload
+
+Owner = TypeVar("Owner")
+Value = TypeVar("Value")
 
 _locks: "weakref.WeakSet[threading.Lock]" = weakref.WeakSet()
 _paused = False
@@ -24,6 +27,29 @@ def lock() -> threading.Lock:
     made = threading.Lock()
     _locks.add(made)
     return made
+
+
+class cached_property(Generic[Owner, Value]):
+    """As functools.cached_property, without the lock that it has before Python 3.12.
+
+    That is one for all objects of a class: threads with different robots wait for each other, and a child forked meanwhile for ever.
+    """
+
+    def __init__(self, function: Callable[[Owner], Value]) -> None:
+        self._function, self.__doc__ = function, function.__doc__
+
+    def __set_name__(self, kind: type, name: str) -> None:
+        self._name = name
+
+    @overload
+    def __get__(self, owner: None, kind: type) -> "cached_property[Owner, Value]": ...
+    @overload
+    def __get__(self, owner: Owner, kind: type) -> Value: ...
+    def __get__(self, owner: Any, kind: type) -> Any:
+        if owner is None:
+            return self
+        value = owner.__dict__[self._name] = self._function(owner)
+        return value
 
 
 def without_collections(function: Callable[..., Any]) -> Callable[..., Any]:

@@ -3,13 +3,13 @@
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
-from functools import cached_property
 from types import FunctionType
 from typing import Self
 
 from .arithmetic import Array
 from .formalism.reactions import Reactions
 from .model import Mechanism
+from .processes import cached_property
 from .questions import ForwardDynamics, InverseDynamics, Question
 from .scene import EARTH, Scene
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import DTypeLike
@@ -16,6 +15,7 @@ from .evaluate import DEFAULT, Evaluator
 from .formalism.reactions import FRAMES, PARTS, Reactions
 from .loads import JointDamping, JointFriction, Load, Sampled
 from .model import Mechanism
+from .processes import cached_property
 
 EARTH = (0.0, 0.0, -9.81)
 CHOICES = {"formalism": FORMALISMS, "frame": FRAMES, "part": PARTS}

@@ -282,6 +282,15 @@ def test_leading_dimensions_that_do_not_fit(arm, backend):
 
 
 @BOTH
+def test_masked_entries_are_refused(arm, backend):
+    robot, whole = on(backend, arm.robot), np.ma.masked_array(np.full(3, 0.1))
+    assert np.array_equal(robot.forward_dynamics(whole, np.zeros(3)), robot.forward_dynamics(whole.data, np.zeros(3)))
+    whole[1] = np.ma.masked
+    with pytest.raises(rd.InputError, match="q has masked entries"):
+        robot.forward_dynamics(whole, np.zeros(3))
+
+
+@BOTH
 @pytest.mark.parametrize(("value", "shown"), [(np.nan, "nan"), (np.inf, "inf"), (-np.inf, "-inf")])
 def test_what_is_not_finite_is_named(arm, walker, value, shown, backend):
     """By index and by the coordinate's name."""

@@ -376,6 +376,13 @@ NUMPY_LAWS = {
     "limits": lambda t, q, v: np.minimum(np.maximum(-50 * q, -10), 10) + np.clip(-5 * v, -GAINS, GAINS) + (3 * q).clip(-1, 1),
     "functions": lambda t, q, v: -np.sign(v) * np.exp(-(v**2)) + np.log(1 + q**2) + np.tan(q) - np.arctan2(q, v),
     "conditions": lambda t, q, v: np.where((v > 0) & (q < 1) | ~(q >= 0.5), 1.0, v) + np.where(np.logical_and(v > -1, v < 1), q, 0.0),
+    "equal conditions": lambda t, q, v: (
+        np.where((q > 0) == (v > 0), q, v) + np.where((q > 0) != (v > 0.1), 1.0, 2.0) + np.where(((q > 0) & (v > 0)) == False, 3.0, v)  # noqa: E712
+    ),
+    "either": lambda t, q, v: (
+        ((q > 0) ^ (v > 0)) * 2.0 + np.where(np.logical_xor(q[0] > 0, v > 0), q, 1.0) + np.where((q > 0) == 1.0, q, v)
+    ),
+    "conditions divided": lambda t, q, v: (q > 0) / 2.0 + 2.0 ** (v > 0) + 1.0 / (1.0 + (q > 0)),
     "whole numbers": lambda t, q, v: np.floor(q) - np.ceil(v) + np.rint(3 * q) * np.trunc(v) + np.fix(q) + np.round(v, 1) + q // 0.3,
     "angles": lambda t, q, v: -((q - GAINS + np.pi) % (2 * np.pi) - np.pi) + np.mod(v, -0.7) + np.fmod(q, 0.4) + np.degrees(np.deg2rad(v)),
     "roots": lambda t, q, v: np.hypot(q, v) + np.cbrt(v) + np.hypot(1.0, q) + np.mod(5.0, v) + 7.0 // q,
@@ -402,6 +409,17 @@ def test_control_laws_in_plain_numpy_compile(kind):
         q, v = robot.random_state(rng)
         found, expected = (scene.inverse_dynamics(q, v, v, t=0.7, backend=backend) for backend in ("native", "numpy"))
         assert error(found, expected) < C * EPS
+
+
+@pytest.mark.parametrize("same", [lambda a, b: a == b, lambda a, b: a != b, lambda a, b: a ^ b])
+def test_a_branch_on_equal_conditions_is_refused(same):
+    robot = rd.load(ROBOTS / "ur5e.urdf")
+
+    def law(t, q, v):
+        return q if same(q[0] > 0, v[0] > 0) else -v
+
+    with pytest.raises(rd.InputError, match=r"return q if same"):
+        rd.Scene(robot, loads=[rd.ControlLaw(law)]).forward_dynamics(robot.neutral(), np.zeros(6))
 
 
 def test_a_law_that_branches_is_told_how_to_choose():

@@ -15,6 +15,7 @@ from robodyn.algebra import frozen, rotation
 from robodyn.engine import blocks, integrate, kernel as kernels
 from robodyn.engine.sweeps import Looped, Recorder
 from robodyn.joints import JOINT_TYPES, Fixed
+from robodyn.loads import Load
 from robodyn.looped import KINDS, LoopedTree
 from robodyn.model import GROUND, Inertia, Joint, Link, Mimic
 from robodyn.questions import Balance, Energies, Evolution, ForwardDynamics, JointReactions
@@ -591,6 +592,22 @@ def test_a_big_robot_with_mimic_joints(gang):
     found, expected = (scene.evaluator.ask(Evolution("auto"), b, q=q, v=v, tau=tau) for b in ("native", "numpy"))
     for name in ("qdot", "vdot", "power"):
         assert error([found[name]], [expected[name]]) < tolerance, name
+
+
+class Gust(Load):
+    """A force on a link that grows with time."""
+
+    def link_wrenches(self, state):
+        return {40: np.asarray(state.t)[..., None] * np.arange(1.0, 7.0)}
+
+
+def test_loads_that_vary_in_time_on_a_big_robot_with_mimic_joints(gang):
+    robot, _ = gang
+    scene, (q, v, tau, _) = rd.Scene(robot, loads=[Gust()]), state_of(robot, 2)
+    expected = scene.reactions(q, v, tau, t=7.0, backend="numpy").array
+    tolerance = C * condition(robot, q) * EPS
+    assert error(scene.reactions(q, v, tau, t=7.0).array, expected) < tolerance
+    assert error(scene.reactions(q, v, tau).array, expected) > 1e3 * tolerance
 
 
 def test_states_with_mimic_joints_in_any_shape(gang, monkeypatch):

@@ -110,7 +110,7 @@ class Traced(Symbolic):
 
 
 class Condition(Traced):
-    """A comparison of numbers that are not known yet, for `select` (np.where), & | ~; in arithmetic 1 where it holds, and 0 elsewhere."""
+    """A comparison of numbers that are not known yet, for `select` (np.where), & | ~ ^ == !=; in arithmetic 1 where it holds, else 0."""
 
     __slots__ = ()
 
@@ -145,7 +145,25 @@ class Condition(Traced):
             return self._lift(not self.constant)
         return self.graph.condition(*self.graph.nodes[self.node[1]]) if self.node[0] == "not" else self.graph.condition("not", self.number)
 
-    __rand__, __ror__ = __and__, __or__
+    def __xor__(self, other: object) -> "Condition":
+        if isinstance(other, np.ndarray):
+            return NotImplemented
+        y = self._lift(other)
+        return (self & ~y) | (~self & y)
+
+    __rand__, __ror__, __rxor__ = __and__, __or__, __xor__
+
+    def __eq__(self, other: object) -> Any:  # type: ignore[override]
+        if isinstance(other, (Condition, bool, np.bool_)):
+            return ~(self ^ other)
+        return NotImplemented if isinstance(other, np.ndarray) else self.graph.lift(self) == other
+
+    def __ne__(self, other: object) -> Any:  # type: ignore[override]
+        if isinstance(other, (Condition, bool, np.bool_)):
+            return self ^ other
+        return NotImplemented if isinstance(other, np.ndarray) else self.graph.lift(self) != other
+
+    __hash__ = object.__hash__
 
     def select(self, yes: object, no: object) -> "Scalar":
         """`yes` where the condition holds, `no` elsewhere; what is not chosen may be NaN."""
@@ -169,6 +187,15 @@ class Condition(Traced):
 
     def __rsub__(self, other: object) -> "Scalar":
         return NotImplemented if isinstance(other, np.ndarray) else self.graph.lift(other) - self
+
+    def __truediv__(self, other: object) -> "Scalar":
+        return NotImplemented if isinstance(other, np.ndarray) else self.graph.lift(self) / other
+
+    def __rtruediv__(self, other: object) -> "Scalar":
+        return NotImplemented if isinstance(other, np.ndarray) else self.graph.lift(other) / self.graph.lift(self)
+
+    def __rpow__(self, other: object) -> "Scalar":
+        return NotImplemented if isinstance(other, np.ndarray) else self.graph.lift(other) ** self.graph.lift(self)
 
     __rmul__, __radd__ = __mul__, __add__
 

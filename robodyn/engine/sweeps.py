@@ -9,12 +9,12 @@ the number of nodes, and what no output needs is neither computed nor stored. Th
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..arithmetic import Array
+from ..processes import cached_property
 from .graph import CONDITIONS, LEAVES, Graph, Node, Scalar
 from .program import Program, program
 

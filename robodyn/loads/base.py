@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import pairwise
 from typing import Any, ClassVar
 
@@ -15,6 +14,7 @@ from ..errors import InputError
 from ..formalism.kinematics import motion, world_poses
 from ..formalism.spatial import Pose, twist_to_child
 from ..model import Field, Mechanism, Tree
+from ..processes import cached_property
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from itertools import pairwise
 from typing import Self
 
@@ -12,6 +11,7 @@ from ..algebra import frozen
 from ..arithmetic import Array, exact, orthonormal
 from ..errors import ModelError, UnknownNameError
 from ..joints import JointType
+from ..processes import cached_property
 from .geometry import Visual
 from .inertia import Inertia
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -10,6 +9,7 @@ import numpy as np
 from ..algebra import frozen, snapped, stacked
 from ..arithmetic import Array, orthonormal
 from ..joints import JointType
+from ..processes import cached_property
 from .inertia import Inertia
 from .mechanism import Mechanism
 

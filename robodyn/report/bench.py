@@ -97,7 +97,8 @@ def chain_rows(counts: Sequence[int], settings: Settings, tick: Tick = lambda _:
                 yield Row("chain", work, note=found)
                 continue
             memory = f"{found['memory'] / 2**20:.0f} MB, " if found["memory"] else ""
-            note = f"{memory}first call {found['first_call']:.2f} s" + (f", κ {found['condition']:.0e}" if "condition" in found else "")
+            first = f"first call {found['first_call']:.2f} s, cached {found['cached']:.2f} s"
+            note = f"{memory}{first}" + (f", κ {found['condition']:.0e}" if "condition" in found else "")
             theirs = Timing(**found["theirs"]) if "theirs" in found else None
             measured = Timing(**found["ours"]), found.get("peer", ""), theirs, found["error"], found.get("peer_error")
             yield Row("chain", work, *measured, note)

@@ -3,14 +3,13 @@
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..arithmetic import Array
 from ..errors import InputError, RobodynError
-from ..processes import cores
+from ..processes import cached_property, cores
 from ..robot import Robot, load
 from ..scene import EARTH, Scene
 from .timing import Job

@@ -5,7 +5,6 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -17,6 +16,7 @@ from ..equations import FORMALISMS
 from ..errors import InputError, ModelError, RobodynWarning, SimulationError
 from ..evaluate import BACKENDS, DEFAULT
 from ..model import Mechanism
+from ..processes import cached_property
 from ..questions import Evolution, Result
 from ..scene import Scene
 from . import native

@@ -17,6 +17,7 @@ from tools import case
 import robodyn as rd
 from robodyn.engine import compile as compiler, fastcall
 from robodyn.questions import ForwardDynamics
+from robodyn.robot import REMEMBERED
 
 pytestmark = pytest.mark.skipif(not fastcall.supported(), reason="this interpreter lays out objects in another way")
 
@@ -251,6 +252,54 @@ print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
     environment = {**os.environ, "ROBODYN_CACHE": "off"}
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=False)
     assert done.stdout.strip() == "0", done.stderr[-2000:]
+
+
+def test_a_fork_in_the_middle_of_another_threads_trace():
+    """The child finds all locks free, those of lazily computed values too, and Python looking for garbage again."""
+    code = """
+import gc, os, signal, threading, numpy as np, robodyn as rd
+from robodyn.questions import ForwardDynamics
+small, large = (rd.random_robot(np.random.default_rng(3), n) for n in (2, 9))
+ask = lambda robot: robot.forward_dynamics(robot.neutral(), np.zeros(robot.nv))
+tracing, forked, whole = threading.Event(), threading.Event(), ForwardDynamics.answer
+def answer(*arguments, **options):
+    tracing.set()
+    forked.wait()
+    return whole(*arguments, **options)
+ForwardDynamics.answer = answer
+thread = threading.Thread(target=ask, args=(large,))
+thread.start()
+tracing.wait()
+assert not gc.isenabled()
+child = os.fork()
+if not child:
+    signal.alarm(20)
+    ForwardDynamics.answer = whole
+    os._exit(0 if gc.isenabled() and all(np.isfinite(ask(robot)).all() for robot in (small, large)) else 1)
+forked.set()
+thread.join()
+print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+"""
+    environment = {**os.environ, "ROBODYN_CACHE": "off"}
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=False)
+    assert done.stdout.strip() == "0", done.stderr[-2000:]
+
+
+def test_a_bad_row_is_found_whichever_thread_computes_it():
+    robot, n = case(2).robot, 200_000
+    q, v, tau = (np.repeat(x, n, axis=0) for x in states(robot, 1))
+    for row in (3, n // 2 + 1, n - 3):
+        v[row, 0] = np.nan
+        with pytest.raises(rd.InputError, match=rf"v\[{row}, 0\]"):
+            robot.forward_dynamics(q, v, tau, threads=3)
+        v[row, 0] = 0.0
+
+
+def test_kernels_of_few_gravities_are_kept():
+    robot = case(2).robot
+    for k in range(2 * REMEMBERED):
+        robot.inverse_dynamics(robot.neutral(), np.zeros(robot.nv), np.zeros(robot.nv), gravity=(0, 0, -float(k)), backend="numpy")
+    assert len(robot._elsewhere) == REMEMBERED + 1
 
 
 def test_methods_can_be_pickled_after_use():

@@ -12,6 +12,7 @@ from tools import EPS, ROUTES, SEEDS, case, condition, derivative, error, many_d
 import robodyn as rd
 from robodyn.formalism import constraints, kinematics
 from robodyn.formalism.kinematics import motion
+from robodyn.formalism.reactions import joint_wrenches
 from robodyn.random import MIXED
 
 
@@ -79,6 +80,18 @@ def test_reactions_are_the_multipliers_of_the_saddle_point(seed):
     B = constraints.B_matrix(tree, motion(tree, c.q, c.v), np.dtype(float))
     assert error(B.T @ f_p, resultants) < tolerance
     assert error(a, a_body) < tolerance
+
+
+@ALL
+def test_joint_wrenches_from_those_without_acceleration(seed):
+    """f̌ᵏ(η̇) = f̌ᵏ(0) + M J η̇, on bodies that turn and carry loads: what the minimal form shares is what Newton and Euler say."""
+    c = case(seed)
+    equations = rd.Scene(c.robot).equations(opened=True)
+    rng = np.random.default_rng([seed, 5])
+    wrenches = {i: rng.normal(size=6) for i in range(len(equations.tree.bodies))}
+    state = motion(equations.tree, c.q, c.v)
+    whole, parts = (joint_wrenches(equations.tree, state, c.a, wrenches, np.array((0, 0, -9.81)), from_bias=way) for way in (False, True))
+    assert error(np.array(parts), np.array(whole)) < C * EPS
 
 
 @ALL

@@ -1,6 +1,7 @@
 """The benchmark runs, compares before it measures, and says what it lacks."""
 
 import json
+import re
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -66,6 +67,7 @@ def test_quick_run_of_everything(command, tmp_path):
     assert max(found["dop853"]["error"], found["dop853"]["peer_error"]) < 1e-8
     assert 0 < found["peak"]["ratio"] < 1
     assert chains["rows"][0]["error"] < 1e-12
+    assert re.search(r"first call [\d.]+ s, cached [\d.]+ s", chains["rows"][0]["note"])
 
 
 def test_only_and_missing_peers(command, monkeypatch):
@@ -221,7 +223,7 @@ def test_yardstick(tmp_path):
 
 
 def test_chains_that_fail_leave_a_remark(monkeypatch):
-    monkeypatch.setattr("robodyn.report.chains.fresh", lambda *_: fresh("raise SystemExit('too long')"))
+    monkeypatch.setattr("robodyn.report.chains.fresh", lambda *_, **__: fresh("raise SystemExit('too long')"))
     (row,) = chain_rows([5], QUICK)
     assert row.note == "too long"
     assert row.ours is None
