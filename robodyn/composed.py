@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from . import inputs
 from .arithmetic import Array
 from .formalism.ldl import solve_dense
 from .formalism.solution import Solution
@@ -22,23 +21,16 @@ NUMBERS = 2**21  # entries of the mass matrices that are held at a time
 BESIDE = {ForwardDynamics: (), Evolution: ("qdot", "power"), Result: ("u",), JointReactions: ("u",)}  # what they need beside η̇
 
 
-def mass_matrix(evaluator: "Evaluator", q: object, threads: int | None, dtype: np.dtype) -> Array:
+def mass_matrix(evaluator: "Evaluator", question: Question, threads: int | None, dtype: np.dtype, arrays: Mapping[str, object]) -> Array:
     """M̂ (..., nv, nv) at q (..., nq): what unit accelerations take at rest, without gravity and loads."""
-    x = inputs.checked(evaluator.robot, {"q": q})["q"]
-    inputs.unit_quaternions(evaluator.views().lumped.side_conditions(x))
-    return _columns(evaluator, x, threads, dtype)
+    return _columns(evaluator, evaluator.checked(question, arrays)["q"], threads, dtype)
 
 
 def answer(
     evaluator: "Evaluator", question: Question, t: Array | float, threads: int | None, dtype: np.dtype, arrays: Mapping[str, object]
 ) -> dict[str, Array] | None:
     """The answer to a question about accelerations; None where a pivot is not to be trusted."""
-    robot, equations = evaluator.robot, evaluator.views().lumped
-    x = inputs.checked(robot, arrays)
-    if question.admissible:
-        inputs.unit_quaternions(equations.side_conditions(x["q"]))
-    if dtype != np.float64:  # as the formalism itself is asked
-        x = {name: inputs.rounded(name, a, dtype) for name, a in x.items()}
+    robot, tree, x = evaluator.robot, evaluator.views().lumped.tree, evaluator.checked(question, arrays, dtype)
     found = evaluator.ask(Balance(("residual", *BESIDE[type(question)])), t=t, threads=threads, q=x["q"], v=x["v"], a=None, tau=x["tau"])
     k = found.pop("residual")
     q, b = x["q"].reshape(-1, robot.nq), k.reshape(-1, robot.nv)
@@ -50,7 +42,7 @@ def answer(
     except np.linalg.LinAlgError:
         return None
     solution = Solution(*(np.concatenate(part).reshape(k.shape) for part in zip(*parts, strict=True)))
-    if not (solution.pivots > smallest_pivots(equations.tree, solution, float(np.finfo(dtype).eps))).all():
+    if not (solution.pivots > smallest_pivots(tree, solution, float(np.finfo(dtype).eps))).all():
         return None
     found["vdot"] = solution.vdot
     if isinstance(question, JointReactions):

@@ -1,6 +1,6 @@
 """How a question is answered: by the formalism itself on float64 or 50-digit numbers, or by a kernel traced from it.
 
-With `looped` the only place that knows both the equations and the engine.
+With `looped` and `shortcuts` the only place that knows both questions and engine.
 """
 
 import math
@@ -78,7 +78,7 @@ class Evaluator:
         formalism = getattr(question, "formalism", None)
         natively = backend == "native" and self.compiles(formalism)
         if natively and isinstance(question, MassMatrix) and self.loops:
-            return self._written({"M": composed.mass_matrix(self, threads=threads, dtype=precise, **arrays)}, out, arrays)
+            return self._written({"M": composed.mass_matrix(self, question, threads, precise, arrays)}, out, arrays)
         if natively:
             answer = self._natively(question, t, threads, precise, out, arrays)
             if answer is not None:
@@ -141,16 +141,23 @@ class Evaluator:
         """That of the robot alone, without gravity and loads."""
         return Evaluator(self.robot, np.zeros(3), ())
 
+    def checked(
+        self, question: Question, arrays: Mapping[str, object], dtype: np.dtype = DOUBLE, *, objects: bool = False
+    ) -> dict[str, Array]:
+        """The arrays of a question as `inputs.checked` has them; rounded to float32 where that is asked for, and still float64."""
+        found = inputs.checked(self.robot, arrays, objects=objects)
+        if dtype != DOUBLE:
+            found = {name: inputs.rounded(name, x, dtype) for name, x in found.items()}
+        if "q" in found and question.admissible:
+            inputs.unit_quaternions(self.views().lumped.side_conditions(found["q"]))
+        return found
+
     def _directly(
         self, question: Question, backend: str, t: Array | float, arrays: Mapping[str, object], dtype: np.dtype = DOUBLE
     ) -> dict[str, Array]:
         """The formalism's own answer: for float32, on arrays rounded to it, computed in float64 and rounded at the end."""
         views = self.views(backend)
-        checked = inputs.checked(self.robot, arrays, objects=backend == "mpmath")
-        if dtype != DOUBLE:
-            checked = {name: inputs.rounded(name, x, dtype) for name, x in checked.items()}
-        if "q" in checked and question.admissible:
-            inputs.unit_quaternions(self.views().lumped.side_conditions(checked["q"]))
+        checked = self.checked(question, arrays, dtype, objects=backend == "mpmath")
         if backend == "mpmath":
             checked = {name: inputs.as_exact(x) for name, x in checked.items()}
         if hasattr(question, "formalism"):

@@ -155,8 +155,7 @@ class JointReactions(Question):
         moving = opened if shared else views.lumped
         acts = moving.applied(t, q, v, tau)
         solution = moving.accelerate(q, v, acts, self.formalism, carried=shared)
-        wrenches = acts.wrenches if moving is opened else opened.wrenches(t, q, v)
-        shown = {"frame": self.frame, "part": self.part, "joints": self.joints}
+        wrenches, shown = opened.wrenches(t, q, v), {"frame": self.frame, "part": self.part, "joints": self.joints}
         return Answer({"wrenches": opened.reactions(q, v, solution.vdot, acts.u, wrenches, from_bias=shared, **shown)}, solution)
 
 

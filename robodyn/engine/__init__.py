@@ -1,7 +1,8 @@
 """Trace → graph → program → LLVM → machine code. Knows nothing of robots: it sees arrays of scalars, by name.
 
 `graph` traces, `program` fuses and orders; `blocks`, `emit` and `loops` write IR for scalars and SIMD lanes of doubles or floats
-(`functions`: sin and cos, `elementary`: exp, log, tanh, pow, `constants`: a table of numbers, `rows`: rows of memory to lanes and back);
+(`functions`: sin and cos, `payne_hanek`: large angles, `elementary`: exp, log, tanh, pow, `constants`: a table of numbers, `rows`: rows of
+memory to lanes and back);
 `compile` and `cache` make machine code of it, `kernel` calls it on arrays, `fastcall` as a built-in function, `integrate` puts a step
 loop around it.
 """

@@ -171,7 +171,10 @@ def _straight(c: Code, t: Type, program: Program, constants: Constants, ins: Row
 
 
 def _fetching(c: Code, t: Type, program: Program, ins: Rows, outs: Rows) -> Callable[[int], None]:
-    """What asks, at instruction i, for lines of the next block's rows: they follow this one's, and are there when it begins."""
+    """What asks, at instruction i, for lines of the next block's rows: they follow this one's, and are there when it begins.
+
+    Behind the last row, or where one row serves all, a line is fetched for nothing: that reads no memory that could not be read.
+    """
     sizes = {name: (ins[name][0], size) for name, size in program.inputs.items()}
     sizes |= {name: (outs[name][0], len(values)) for name, values in program.outputs.items()}
     lines = [

@@ -6,6 +6,7 @@ knows nothing of what the numbers mean.
 """
 
 import math
+import operator
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
@@ -109,6 +110,18 @@ class Traced(Symbolic):
         return f"<traced {self.node}>"
 
 
+def _as_numbers(operation: Callable[[Any, Any], Any]) -> tuple[Callable[..., Any], Callable[..., Any]]:
+    """Methods of a condition that compute with it as with a number: with the other operand behind it, and before it."""
+
+    def forward(self: "Condition", other: object) -> Any:
+        return NotImplemented if isinstance(other, np.ndarray) else operation(self.graph.lift(self), other)
+
+    def backward(self: "Condition", other: object) -> Any:
+        return NotImplemented if isinstance(other, np.ndarray) else operation(self.graph.lift(other), self.graph.lift(self))
+
+    return forward, backward
+
+
 class Condition(Traced):
     """A comparison of numbers that are not known yet, for `select` (np.where), & | ~ ^ == !=; in arithmetic 1 where it holds, else 0."""
 
@@ -176,28 +189,11 @@ class Condition(Traced):
             return (~self).select(b, a)
         return self.graph.node("select", self.number, a.number, b.number)
 
-    def __mul__(self, other: object) -> "Scalar":
-        return NotImplemented if isinstance(other, np.ndarray) else self.graph.lift(self) * other
-
-    def __add__(self, other: object) -> "Scalar":
-        return NotImplemented if isinstance(other, np.ndarray) else self.graph.lift(self) + other
-
-    def __sub__(self, other: object) -> "Scalar":
-        return NotImplemented if isinstance(other, np.ndarray) else self.graph.lift(self) - other
-
-    def __rsub__(self, other: object) -> "Scalar":
-        return NotImplemented if isinstance(other, np.ndarray) else self.graph.lift(other) - self
-
-    def __truediv__(self, other: object) -> "Scalar":
-        return NotImplemented if isinstance(other, np.ndarray) else self.graph.lift(self) / other
-
-    def __rtruediv__(self, other: object) -> "Scalar":
-        return NotImplemented if isinstance(other, np.ndarray) else self.graph.lift(other) / self.graph.lift(self)
-
-    def __rpow__(self, other: object) -> "Scalar":
-        return NotImplemented if isinstance(other, np.ndarray) else self.graph.lift(other) ** self.graph.lift(self)
-
-    __rmul__, __radd__ = __mul__, __add__
+    __add__, __radd__ = _as_numbers(operator.add)
+    __sub__, __rsub__ = _as_numbers(operator.sub)
+    __mul__, __rmul__ = _as_numbers(operator.mul)
+    __truediv__, __rtruediv__ = _as_numbers(operator.truediv)
+    __pow__, __rpow__ = _as_numbers(operator.pow)
 
     def __bool__(self) -> bool:
         if self.constant is not None:

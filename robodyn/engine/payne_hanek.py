@@ -9,8 +9,9 @@ from collections.abc import Iterator
 
 from .functions import DOUBLE, Type
 
-LEADING = 40  # zeros before the digits of 2/π, so that numbers from 2^−1 on find theirs
-DIGITS = 1280  # with these: the largest exponent needs 1265
+LEADING = 40  # zeros before the digits of 2/π: the first that count, for x = m 2^E, are LEADING + E − 2 behind the start
+SMALLEST = 2.0 ** (52 + 2 - LEADING)  # where that is the start itself
+DIGITS = 1280  # with the zeros: the largest exponent needs 1265
 WINDOW = 256
 NAME = "two_over_pi"
 
@@ -31,7 +32,10 @@ def two_over_pi(digits: int) -> int:
 
 
 def reduction() -> Iterator[str]:
-    """define {r, t, n} @reduce_exact(x) of |x| ≥ 1: x = n π/2 + r + t, |r + t| ≤ π/4, n modulo 4; r is NaN where x is not finite."""
+    """define {r, t, n} @reduce_exact(x) of |x| ≥ SMALLEST: x = n π/2 + r + t, |r + t| ≤ π/4, n modulo 4; NaN where x is not finite.
+
+    Of smaller x, which are neighbours of a large one, the answer means nothing.
+    """
     c = Type(1).constant
     P1, P2, _ = DOUBLE.half_pi
     number = two_over_pi(DIGITS - LEADING)
@@ -44,7 +48,7 @@ def reduction() -> Iterator[str]:
     yield "  %e = and i64 %up, 2047"
     yield f"  %f = and i64 %bits, {(1 << 52) - 1}"
     yield f"  %m = or i64 %f, {1 << 52}"
-    # The digits from the one on that counts 2 in x · 2/π, as the lowest of a number: 1075 is what E = e − 1075 is behind e.
+    # The window begins with the digit that counts 2 in x · 2/π, and %a digits follow it; E = e − 1075.
     yield f"  %a0 = sub i64 {DIGITS - WINDOW - LEADING + 2 + 1075}, %e"
     yield f"  %a1 = icmp ult i64 %a0, {DIGITS - WINDOW}"
     yield f"  %a = select i1 %a1, i64 %a0, i64 {DIGITS - WINDOW}"

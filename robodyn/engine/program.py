@@ -14,7 +14,6 @@ from .graph import LEAVES, TRIGONOMETRIC, Graph, Scalar
 
 Instruction = tuple[Any, ...]  # (operation, operand, …), as in a graph; "fma" a·b + c, "fms" a·b − c, "fnma" c − a·b
 
-
 # Operations whose result is not finite where one of their first so many operands is not.
 PASSED_ON = {"add": 2, "sub": 2, "mul": 2, "div": 1, "neg": 1, "fma": 3, "fms": 3, "fnma": 3, "sin": 1, "cos": 1}
 NEAR = 256  # values that the first-level cache has room for beside all else: vectors of 64 bytes in 32 KB

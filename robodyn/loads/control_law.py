@@ -24,7 +24,7 @@ _INSTEAD = (
 class ControlLaw(Load):
     """`ControlLaw(lambda t, q, v: -50 * q - 5 * v)`: called with t, q (nq,), v (nv,), returns tau (nv,).
 
-    A mimic joint's coordinate is driven at its leader. Compiled, the law runs once, on symbols: arithmetic, comparisons joined by & | ~,
+    A mimic joint's coordinate is driven at its leader. Compiled, the law runs once, on symbols: arithmetic, comparisons joined by & | ^ ~,
     np.where, np.select, np.clip, np.minimum, np.maximum, np.sign, np.floor, % (to wrap an angle), np.linalg.norm and NumPy's elementary
     functions pass; a branch on a value does not. What np.where does not choose is computed all the same.
     """

@@ -83,7 +83,7 @@ def simulate(
     x0 = np.concatenate([scene.equations().project(state["q0"]), state["v0"], [0.0]])
     integration = Integration(scene, t0, t_end, x0, wanted, method, formalism, {"rtol": rtol, "atol": atol, "dt": dt})
     in_native_code = backend == "native" and METHODS[method].tableau is not None and scene.evaluator.compiles_steps(formalism)
-    with _reporter(progress) as report:
+    with _reporter(progress, "compiling" if in_native_code else "simulating") as report:
         if not (in_native_code and integration.starts_natively()):
             scene.evaluator.ask(Result(formalism), "numpy", t=t0, q=state["q0"], v=state["v0"], tau=None)
         started, failure = time.perf_counter(), None
@@ -294,8 +294,8 @@ def output_times(t0: float, t_end: float, fps: float | None, times: Sequence[flo
 
 
 @contextmanager
-def _reporter(progress: bool | Progress) -> Iterator[Progress]:
-    """A function that is told the share done; a bar on standard error for True."""
+def _reporter(progress: bool | Progress, first: str) -> Iterator[Progress]:
+    """A function that is told the share done; a bar on standard error for True, which says what is done until the first share."""
     if callable(progress):
         yield progress
         return
@@ -306,7 +306,7 @@ def _reporter(progress: bool | Progress) -> Iterator[Progress]:
     from rich.progress import Progress as Bar
 
     with Bar(console=Console(stderr=True), transient=True) as bar:
-        task, shown = bar.add_task("compiling", total=1.0), -1.0  # no sign for seconds, where the robot is large
+        task, shown = bar.add_task(first, total=1.0), -1.0
 
         def show(share: float) -> None:
             nonlocal shown

@@ -228,61 +228,60 @@ def test_help_still_shows_the_arguments(kind):
         assert function.__doc__.startswith(inspect.getdoc(getattr(type(owner), name))[:20])
 
 
-def test_a_fork_waits_for_another_threads_compiler():
-    code = """
-import os, signal, threading, time, numpy as np, robodyn as rd
-import gc
+FORKING = """
+import gc, os, signal, threading, time, numpy as np, robodyn as rd
 small, large = (rd.random_robot(np.random.default_rng(3), n) for n in (2, 25))
 ask = lambda robot: robot.forward_dynamics(robot.neutral(), np.zeros(robot.nv))
+thread = threading.Thread(target=ask, args=(large,))
+def fork():
+    global child
+    child = os.fork()
+    if not child:
+        signal.alarm(20)
+        os._exit(0 if gc.isenabled() and all(np.isfinite(ask(robot)).all() for robot in (small, large)) else 1)
+"""
+
+
+def child_ends_well(code):
+    """In a new process that runs code in which a child is forked: it gets answers of the robot that a thread asks, and of another."""
+    code = FORKING + code + "thread.join(); print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))"
+    environment = {**os.environ, "ROBODYN_CACHE": "off"}
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=False)
+    assert done.stdout.strip() == "0", done.stderr[-2000:]
+
+
+def test_a_fork_waits_for_another_threads_compiler():
+    code = """
 small.reactions(small.neutral(), np.zeros(small.nv))
 from robodyn.engine import compile as compiler
 compiling, whole = threading.Event(), compiler._optimised
 compiler._optimised = lambda ir: (compiling.set(), whole(ir))[1]
-thread = threading.Thread(target=ask, args=(large,))
 thread.start()
 compiling.wait()
 time.sleep(0.01)
-child = os.fork()
-if not child:
-    signal.alarm(20)
-    os._exit(0 if np.isfinite(ask(small)).all() and np.isfinite(ask(large)).all() and gc.isenabled() else 1)
-thread.join()
-print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+fork()
 """
-    environment = {**os.environ, "ROBODYN_CACHE": "off"}
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=False)
-    assert done.stdout.strip() == "0", done.stderr[-2000:]
+    child_ends_well(code)
 
 
 def test_a_fork_in_the_middle_of_another_threads_trace():
     """The child finds all locks free, those of lazily computed values too, and Python looking for garbage again."""
     code = """
-import gc, os, signal, threading, numpy as np, robodyn as rd
 from robodyn.questions import ForwardDynamics
-small, large = (rd.random_robot(np.random.default_rng(3), n) for n in (2, 9))
-ask = lambda robot: robot.forward_dynamics(robot.neutral(), np.zeros(robot.nv))
 tracing, forked, whole = threading.Event(), threading.Event(), ForwardDynamics.answer
 def answer(*arguments, **options):
-    tracing.set()
-    forked.wait()
+    if threading.current_thread() is thread:
+        tracing.set()
+        forked.wait()
     return whole(*arguments, **options)
 ForwardDynamics.answer = answer
-thread = threading.Thread(target=ask, args=(large,))
 thread.start()
 tracing.wait()
 assert not gc.isenabled()
-child = os.fork()
-if not child:
-    signal.alarm(20)
-    ForwardDynamics.answer = whole
-    os._exit(0 if gc.isenabled() and all(np.isfinite(ask(robot)).all() for robot in (small, large)) else 1)
+fork()
 forked.set()
-thread.join()
-print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
 """
-    environment = {**os.environ, "ROBODYN_CACHE": "off"}
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=False)
-    assert done.stdout.strip() == "0", done.stderr[-2000:]
+    child_ends_well(code)
 
 
 def test_a_bad_row_is_found_whichever_thread_computes_it():
@@ -293,6 +292,12 @@ def test_a_bad_row_is_found_whichever_thread_computes_it():
         with pytest.raises(rd.InputError, match=rf"v\[{row}, 0\]"):
             robot.forward_dynamics(q, v, tau, threads=3)
         v[row, 0] = 0.0
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="asks Linux for one core")
+def test_threads_are_as_many_as_the_process_may_use():
+    code = "import os; os.sched_setaffinity(0, [min(os.sched_getaffinity(0))]); from robodyn.processes import cores; print(cores())"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == "1"
 
 
 def test_kernels_of_few_gravities_are_kept():

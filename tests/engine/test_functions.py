@@ -5,8 +5,10 @@ import numpy as np
 import pytest
 
 from robodyn import arithmetic
+from robodyn.engine.functions import EXACT_BEYOND
 from robodyn.engine.graph import Graph
 from robodyn.engine.kernel import Kernel
+from robodyn.engine.payne_hanek import SMALLEST
 from robodyn.engine.program import program
 
 
@@ -87,6 +89,7 @@ def test_large_angles_are_reduced_exactly(dtype):
         assert worst[name] <= 1.0
         assert smallest < (1e-18 if dtype is np.float64 else 1e-8)  # the cases are hard
     assert len(xs) > 500
+    assert SMALLEST <= EXACT_BEYOND
 
 
 def function_arguments(name, rng):
