@@ -34,7 +34,10 @@ SAFETY, SHRINK, GROW = 0.9, 0.2, 10.0  # of the step size control, as in SciPy
 
 @dataclass(frozen=True, eq=False)
 class Method:
-    """Stages k_i = f(t + c_i h, x + h Σ a_ij k_j), then x_new = x + h Σ b_i k_i; k_s = f(t + h, x_new) starts the next step."""
+    """Stages k_i = f(t + c_i h, x + h Σ a_ij k_j), then x_new = x + h Σ b_i k_i; k_s = f(t + h, x_new) starts the next step.
+
+    Without an error estimate the steps are equal, and the stages a chain: each needs the derivative before it alone, a_ij = 0 elsewhere.
+    """
 
     a: Array  # (s, s), strictly lower
     b: Array  # (s,)
@@ -44,6 +47,10 @@ class Method:
     extra_a: Array | None = None  # further stages (m, s + 1 + m) for dense output
     extra_c: Array | None = None
     dense: Array | None = None  # weights of the derivatives (…, s + 1 + m) in the terms of dense output beyond cubic Hermite
+
+    def __post_init__(self) -> None:
+        if not self.errors and (np.tril(self.a, -2).any() or self.extra_a is not None):
+            raise ValueError("a method without error estimate must be a chain: each stage from the derivative before it alone")
 
 
 def module(method: Method, rhs: Program | Looped, project: Program | Looped | None, lanes: int) -> str:
@@ -66,12 +73,17 @@ def tables(rhs: Program | Looped, project: Program | Looped | None) -> dict[str,
 def room(method: Method, rhs: Program | Looped, project: Program | Looped | None) -> int:
     """Entries of the array k: derivatives, and behind them the workspace of a right-hand side that is too large for the stack."""
     writer = _Writer(method, rhs, project, Type(1))
-    return stages(method) * writer.nx + (writer.workspace if writer.large else 0)
+    return rows(method) * writer.nx + (writer.workspace if writer.large else 0)
 
 
 def stages(method: Method) -> int:
-    """Derivatives that the method keeps at a time."""
+    """Derivatives that the method takes in a step with dense output, that at its end counted too."""
     return len(method.b) + 1 + (0 if method.extra_c is None else len(method.extra_c))
+
+
+def rows(method: Method) -> int:
+    """Derivatives that it keeps at a time."""
+    return stages(method) if method.errors else 1
 
 
 class Entries(NamedTuple):
@@ -83,11 +95,15 @@ class Entries(NamedTuple):
 
 class _Writer:
     def __init__(self, method: Method, rhs: Program | Looped, project: Program | Looped | None, t: Type) -> None:
-        self.m, self.t, self.nx, self.code = method, t, rhs.inputs["x"], Code()
+        self.m, self.t, self.nx, self.s, self.code = method, t, rhs.inputs["x"], len(method.b), Code()
         self.f = emit.part(rhs, t, "f", inline=stages(method) * rhs.length <= INLINED)
         self.project = emit.part(project, t, "project", inline=False) if project else None
+        self.shown = None  # entries of dx that no other nor a guard shows to be finite, where that is known
+        if isinstance(rhs, Program):
+            telling = rhs.telling
+            self.shown = [k for k, value in enumerate(rhs.outputs["dx"]) if value not in telling]
         self.header = {name: f"%header.{name}" for name in HEADER}
-        self.workspace = self.f.size + 2 * self.nx + (self.project.size if self.project else 0)
+        self.workspace = self.f.size + (2 if method.errors else 1) * self.nx + (self.project.size if self.project else 0)
         self.large = self.workspace > ON_STACK
 
     def text(self) -> str:
@@ -165,11 +181,14 @@ class _Writer:
 
     def combination(self, weights: Array, entries: Entries, first: str | None = None) -> str:
         """The first + Σ w_j k_j, smallest index first."""
-        total, t = first, entries.type
+        total = first
         for j in np.flatnonzero(weights):
-            k, w = self.load("%k", entries, int(j)), t.constant(float(weights[j]))
-            total = self.code.binary("fmul", t.float, k, w) if total is None else self.code.fma(t, k, w, total)
-        return total or t.constant(0.0)
+            total = self.plus(total, float(weights[j]), self.load("%k", entries, int(j)), entries.type)
+        return total or entries.type.constant(0.0)
+
+    def plus(self, total: str | None, w: float, k: str, t: Type) -> str:
+        """The total + w k; no total counts as zero."""
+        return self.code.binary("fmul", t.float, k, t.constant(w)) if total is None else self.code.fma(t, k, t.constant(w), total)
 
     def squares(self, values: list[Callable[[Entries], str]], *states: str) -> list[str]:
         """Σ (value / scale)² of each of the values, scale = atol + rtol |x|, x the largest of the states; of one state, not of lanes."""
@@ -199,19 +218,20 @@ class _Writer:
 
         following: weights of the state after it, for which `moved` then finds all but the share of k_row summed up.
         """
-        c, slots = self.code, self.f.slots
-        if ("in", "t", 0) in slots:
-            c.set(self.t.float, c.at(self.t.float, self.fs, slots["in", "t", 0]), c.splat(self.t, time))
-        if ("in", "h", 0) in slots:
-            c.set(self.t.float, c.at(self.t.float, self.fs, slots["in", "h", 0]), c.splat(self.t, self.number("h")))
-        base = c.at(self.t.float, self.fs, slots["in", "x", 0])
-        self.each(lambda i: self.store(self.load(state, i) if isinstance(state, str) else state(i), base, i))
+        self.each(lambda i: self.store(self.load(state, i) if isinstance(state, str) else state(i), self.x, i))
         if following is not None and following[:row].any():  # here the processor does it while it waits for f
             self.runs(lambda i: self.store(self.combination(following[:row], i), self.known, i))
-        c.lines += self.f.calls(self.fs)
+        self.call(time)
         # What f stored entry by entry has to be loaded so as well: more at a time would wait for the stores to reach the cache.
-        result = c.at(self.t.float, self.fs, slots["out", "dx", 0])
-        self.each(lambda i: self.store(self.load(result, i), "%k", i, row))
+        self.each(lambda i: self.store(self.load(self.dx, i), "%k", i, row))
+
+    def call(self, time: str) -> None:
+        """dx = f(time, x), in the slots of f."""
+        c, slots = self.code, self.f.slots
+        for name, value in (("t", time), ("h", self.number("h"))):
+            if ("in", name, 0) in slots:
+                c.set(self.t.float, c.at(self.t.float, self.fs, slots["in", name, 0]), c.splat(self.t, value))
+        c.lines += self.f.calls(self.fs)
         self.count("evaluations")
 
     def moved(self, weights: Array, h: str) -> Callable[[Entries], str]:
@@ -235,16 +255,19 @@ class _Writer:
         c.lines += self.project.calls(self.ps)
         self.copy(result, array)
 
-    def trusted(self, row: int) -> str:
-        """i1: k_row, the last derivative taken, is finite, and every guard of its evaluation is positive, in all lanes."""
+    def trusted(self) -> str:
+        """i1: the last derivative taken is finite, and every guard of its evaluation is positive, in all lanes."""
         c, t = self.code, self.t
         total = c.variable(t.float, t.constant(0.0))
 
         def add(i: Entries) -> None:
-            k = self.load("%k", i, row)
-            c.set(t.float, total, c.fma(t, k, t.constant(0.0), c.get(t.float, total)))
+            c.set(t.float, total, c.fma(t, self.load(self.dx, i), t.constant(0.0), c.get(t.float, total)))
 
-        self.each(add)
+        if self.shown is None:
+            self.each(add)
+        else:
+            for k in self.shown:
+                add(Entries(str(k), t))
         good = c.value(f"fcmp oeq {t.float} {c.get(t.float, total)}, {t.constant(0.0)}")
         for i in dict.fromkeys(self.f.guards):
             guard = c.get(t.float, c.at(t.float, self.fs, self.f.slots[i]))
@@ -269,33 +292,32 @@ class _Writer:
 
     def _advance(self) -> None:
         c, m, t = self.code, self.m, self.t
-        self.s = len(m.b)
         for i, name in enumerate(HEADER):
             c.add(f"{self.header[name]} = getelementptr double, ptr %header, i64 {i}")
-        self.fs, self.xnew, self.known, self.ps = "%f.slots", "%x.new", "%known", "%project.slots"
-        arrays = [
-            (self.fs, self.f.size),
-            (self.xnew, self.nx),
-            (self.known, self.nx),
-            *([(self.ps, self.project.size)] if self.project else []),
-        ]
-        start = stages(m) * self.nx
+        self.fs, self.known, self.ps = "%f.slots", "%known", "%project.slots"
+        arrays = [(self.fs, self.f.size), (self.known, self.nx)]
+        arrays += [(self.ps, self.project.size)] if self.project else []
+        arrays += [("%x.new", self.nx)] if m.errors else []
+        start = rows(m) * self.nx
         for name, size in arrays:
             place = f"getelementptr {t.float}, ptr %k, i64 {start}" if self.large else f"alloca {t.float}, i64 {size}, align {8 * t.lanes}"
             c.allocations.append(f"  {name} = {place}")
             start += size
+        self.x, self.dx = (c.at(t.float, self.fs, self.f.slots[key]) for key in (("in", "x", 0), ("out", "dx", 0)))
+        self.xnew = "%x.new" if m.errors else self.x
         for i in range(self.f.program.inputs.get("held", 0)):
             held = c.get(t.float, c.at(t.float, "%held", i))
             c.set(t.float, c.at(t.float, self.fs, self.f.slots["in", "held", 0] + i), held)
 
         # The first derivative, once.
         with c.when(c.value(f"fcmp oeq double {self.number('started')}, {_hex(0.0)}")):
-            self.evaluate(self.number("t"), "%x", self.s)
-            with c.when(c.value(f"icmp eq i1 {self.trusted(self.s)}, false")):
+            self.evaluate(self.number("t"), "%x", 0)
+            with c.when(c.value(f"icmp eq i1 {self.trusted()}, false")):
                 c.leave("i64", str(NOT_FINITE))
-            self.each(lambda i: self.store(self.load("%k", i, self.s), "%k", i))
             self.put("started", _hex(1.0))
-        if m.errors:
+        if not m.errors:
+            self.each(lambda i: self.store(self.load("%k", i), self.dx, i))
+        else:
             unknown = c.value(f"fcmp oeq double {self.number('h')}, {_hex(0.0)}")
             ahead = c.value(f"fcmp olt double {self.number('t')}, {self.number('t_end')}")
             with c.when(c.binary("and", "i1", unknown, ahead)):
@@ -304,6 +326,7 @@ class _Writer:
         left = c.variable("i64", "%budget")
         with c.repeat(lambda: c.value(f"fcmp olt double {self.number('t')}, {self.number('t_end')}")):
             with c.when(c.value(f"icmp sle i64 {c.get('i64', left)}, 0")):
+                self._keep()
                 c.leave("i64", str(PAUSED))
             c.set("i64", left, c.binary("sub", "i64", c.get("i64", left), "1"))
             (self._controlled_step if m.errors else self._equal_step)()
@@ -335,7 +358,7 @@ class _Writer:
         h1 = c.value(f"select i1 {flat}, double {guess}, double {root}")
         # Where there is no such derivative, h0: the attempt will shrink it, or name the cause.
         h = c.call("double", "llvm.minnum.f64", h1, c.binary("fmul", "double", h0, _hex(100.0)))
-        self.put("h", c.value(f"select i1 {self.trusted(1)}, double {h}, double {h0}"))
+        self.put("h", c.value(f"select i1 {self.trusted()}, double {h}, double {h0}"))
 
     def _equal_step(self) -> None:
         """Step i of `count`, from t0 + i h to t0 + (i + 1) h; the last one ends at t_end."""
@@ -345,10 +368,17 @@ class _Writer:
         regular = c.value(f"call double @llvm.fma.f64(double {i}, double {h}, double {self.number('t0')})")
         last = c.value(f"fcmp oge double {i}, {self.number('count')}")
         t_new = c.value(f"select i1 {last}, double {self.number('t_end')}, double {regular}")
-        self._stages(t_old, h)
+        with c.when(c.value("icmp sgt i64 %ntimes, 0")), c.when(self._wanted(t_new)):
+            self._keep()  # between the ends of a step, outputs need the derivatives at both
+        self._chain(t_old, h)
         self.projected(self.xnew)
-        self.evaluate(t_new, self.xnew, self.s)
+        self.call(t_new)
         self._accept(t_old, t_new, h)
+
+    def _keep(self) -> None:
+        """k_0 of equal steps, which is otherwise in f's slots alone, for later; of other methods it is there."""
+        if not self.m.errors:
+            self.each(lambda i: self.store(self.load(self.dx, i), "%k", i))
 
     def _controlled_step(self) -> None:
         """One attempt; accepted where the error estimate is at most 1, then h is adapted either way."""
@@ -393,13 +423,31 @@ class _Writer:
             self._accept(t_old, t_new, h)
 
     def _stages(self, t_old: str, h: str) -> None:
-        """k_1 … k_{s−1} and x_new."""
+        """k_1 … k_{s−1} and x_new, all derivatives kept."""
         c, m = self.code, self.m
         weights = [*(m.a[i, :i] for i in range(1, self.s)), m.b]  # of the states at which k_1 … k_{s−1} are taken, and of x_new
         for i in range(1, self.s):
             time = c.value(f"call double @llvm.fma.f64(double {h}, double {_hex(float(m.c[i]))}, double {t_old})")
             self.evaluate(time, self.moved(weights[i - 1], h), i, following=weights[i])
         self.each(lambda i: self.store(self.moved(m.b, h)(i), self.xnew, i))
+
+    def _chain(self, t_old: str, h: str) -> None:
+        """x_new of equal steps: each derivative stays in f's slots until the next, and Σ b_j k_j is a running sum."""
+        c, m, t = self.code, self.m, self.t
+        step = c.splat(t, h)
+        for j in range(self.s):
+            last, following = j == self.s - 1, 0.0 if j == self.s - 1 else float(m.a[j + 1, j])
+
+            def move(i: Entries, j: int = j, last: bool = last, following: float = following) -> None:
+                k = self.load(self.dx, i)
+                total = self.plus(self.load(self.known, i) if j else None, float(m.b[j]), k, t)
+                if not last:
+                    self.store(total, self.known, i)
+                self.store(c.fma(t, total if last else self.plus(None, following, k, t), step, self.load("%x", i)), self.x, i)
+
+            self.each(move)
+            if not last:
+                self.call(c.value(f"call double @llvm.fma.f64(double {h}, double {_hex(float(m.c[j + 1]))}, double {t_old})"))
 
     def _error(self, h: str) -> str:
         """The error of a step in units of the tolerance: the root mean square over the entries."""
@@ -418,19 +466,10 @@ class _Writer:
     def _accept(self, t_old: str, t_new: str, h: str) -> None:
         """Outputs within the step, then the new state becomes the old."""
         c = self.code
-        with c.when(c.value(f"icmp eq i1 {self.trusted(self.s)}, false")):
+        with c.when(c.value(f"icmp eq i1 {self.trusted()}, false")):
             c.leave("i64", str(NOT_FINITE))
         prepared = c.variable("i1", "false")
-
-        def wanted() -> str:
-            """There is an output time left, and it lies within the step."""
-            i = c.value(f"fptosi double {self.number('next')} to i64")
-            more = c.value(f"icmp slt i64 {i}, %ntimes")
-            safe = c.value(f"select i1 {more}, i64 {i}, i64 0")
-            inside = c.value(f"fcmp ole double {c.get('double', c.at('double', '%times', safe))}, {t_new}")
-            return c.binary("and", "i1", more, inside)
-
-        with c.when(c.value("icmp sgt i64 %ntimes, 0")), c.repeat(wanted):
+        with c.when(c.value("icmp sgt i64 %ntimes, 0")), c.repeat(lambda: self._wanted(t_new)):
             i = c.value(f"fptosi double {self.number('next')} to i64")
             time = c.get("double", c.at("double", "%times", i))
             row = c.at(self.t.float, "%out", c.binary("mul", "i64", i, str(self.nx)))
@@ -447,9 +486,19 @@ class _Writer:
                 self.projected(row)
             self.count("next")
         self.copy(self.xnew, "%x")
-        self.each(lambda i: self.store(self.load("%k", i, self.s), "%k", i))
+        if self.m.errors:
+            self.each(lambda i: self.store(self.load("%k", i, self.s), "%k", i))
         self.put("t", t_new)
         self.count("steps")
+
+    def _wanted(self, t_new: str) -> str:
+        """i1: there is an output time left, and it lies within the step."""
+        c = self.code
+        i = c.value(f"fptosi double {self.number('next')} to i64")
+        more = c.value(f"icmp slt i64 {i}, %ntimes")
+        safe = c.value(f"select i1 {more}, i64 {i}, i64 0")
+        inside = c.value(f"fcmp ole double {c.get('double', c.at('double', '%times', safe))}, {t_new}")
+        return c.binary("and", "i1", more, inside)
 
     def _between(self, part: str, h: str, row: str) -> None:
         """The state at t_old + part · h."""
@@ -461,7 +510,8 @@ class _Writer:
             rest = c.binary("fsub", F, t.constant(1.0), s)
             x, new = self.load("%x", i), self.load(self.xnew, i)
             difference = c.binary("fsub", F, new, x)
-            start, end = (c.binary("fmul", F, self.load("%k", i, j), step) for j in (0, self.s))
+            last = self.load("%k", i, self.s) if self.m.errors else self.load(self.dx, i)
+            start, end = (c.binary("fmul", F, k, step) for k in (self.load("%k", i), last))
             # Both are x + s (Δ + (1 − s) (b₀ + s (b₁ + (1 − s) (b₂ + …)))): II.6.
             first = c.binary("fsub", F, start, difference)
             second = c.binary("fsub", F, c.binary("fsub", F, c.binary("fmul", F, difference, t.constant(2.0)), start), end)
