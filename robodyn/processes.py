@@ -1,11 +1,12 @@
-"""What concerns the whole process: the cores it may use, locks that a forked child finds free, and Python's search for garbage."""
+"""What concerns the whole process: its cores and threads, locks that a forked child finds free, and Python's search for garbage."""
 
 import gc
 import os
 import threading
 import weakref
 from collections.abc import Callable
-from functools import wraps
+from concurrent.futures import ThreadPoolExecutor, wait
+from functools import cache, wraps
 from typing import Any, Generic, TypeVar, overload
 
 Owner = TypeVar("Owner")
@@ -13,6 +14,7 @@ Value = TypeVar("Value")
 
 _locks: "weakref.WeakSet[threading.Lock]" = weakref.WeakSet()
 _paused = False
+MOST_THREADS = 256
 
 
 def cores() -> int:
@@ -20,6 +22,27 @@ def cores() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+def together(work: Callable[[int], Value], n: int, stop: Callable[[], object] = lambda: None) -> list[Value]:
+    """work(0) … work(n − 1) at a time, the first in this thread: native code, which lets other threads run. Returns when all have.
+
+    stop: called as soon as one raises, or Ctrl-C comes, for the others to give up; what was raised is raised again.
+    """
+    futures = [_pool().submit(work, k) for k in range(1, n)]
+    try:
+        return [work(0), *(future.result() for future in futures)]
+    except BaseException:
+        stop()
+        raise
+    finally:
+        wait(futures)
+
+
+@cache
+def _pool() -> ThreadPoolExecutor:
+    """Threads for everyone: as many as work at a time."""
+    return ThreadPoolExecutor(MOST_THREADS, thread_name_prefix="robodyn")
 
 
 def lock() -> threading.Lock:
@@ -72,6 +95,7 @@ def without_collections(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def _in_child() -> None:
+    _pool.cache_clear()  # a child has no threads of its parent's
     for held in list(_locks):
         held._at_fork_reinit()  # type: ignore[attr-defined]  # as Python's own modules do
     if _paused:

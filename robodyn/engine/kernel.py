@@ -2,17 +2,14 @@
 
 import ctypes
 import math
-import os
 from collections.abc import Callable, Mapping
-from concurrent.futures import ThreadPoolExecutor, wait
-from functools import cache
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from ..arithmetic import Array
-from ..processes import cores, lock
+from ..processes import cores, lock, together
 from . import blocks, cache as disk, emit
 from .compile import OPTIONS, Loaded, cpu, lanes, llvm, object_code
 from .program import Program
@@ -62,17 +59,13 @@ class Kernel:
             return first + bad if bad >= 0 else -1
 
         workers = n * self.program.length // WORK if n >= 2 * width and threads != 1 else 1
-        workers = min(workers, threads or cores(), MOST_THREADS) if workers > 1 else 1
+        workers = min(workers, threads or cores()) if workers > 1 else 1
         if workers <= 1:
             return outputs, part(0, n)
         # Chunks are whole blocks of lanes; the last takes what is left over.
         size = n // (workers * width) * width
-        ends = [*range(size, size * workers, size), n]
-        futures = [_pool().submit(part, first, last) for first, last in zip(range(0, size * workers, size), ends, strict=True)]
-        try:
-            parts = [future.result() for future in futures]
-        finally:
-            wait(futures)
+        ends = [*range(0, size * workers, size), n]
+        parts = together(lambda k: part(ends[k], ends[k + 1]), workers)
         return outputs, min((b for b in parts if b >= 0), default=-1)
 
     def on_code(self, listener: Callable[[int, Any], None]) -> None:
@@ -127,16 +120,3 @@ def _rows(x: Array, batch: tuple[int, ...], size: int, dtype: np.dtype) -> tuple
         return np.ascontiguousarray(x, dtype=dtype), stride
     with np.errstate(over="ignore"):  # what is too large for float32 is ∞, and found so
         return np.ascontiguousarray(x, dtype=dtype), stride
-
-
-MOST_THREADS = 256
-
-
-@cache
-def _pool() -> ThreadPoolExecutor:
-    """Threads for all kernels: as many as work at a time."""
-    return ThreadPoolExecutor(MOST_THREADS, thread_name_prefix="robodyn")
-
-
-if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_pool.cache_clear)  # a child has no threads of its parent's

@@ -3,7 +3,6 @@
 import threading
 import time
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any
@@ -17,7 +16,7 @@ from ..equations import FORMALISMS, SADDLES
 from ..errors import InputError, ModelError, RobodynError, SimulationError
 from ..evaluate import DEFAULT
 from ..model import Mechanism
-from ..processes import cores
+from ..processes import cores, together
 from ..questions import Evolution, Result
 from ..scene import Scene
 from . import native
@@ -106,16 +105,8 @@ def simulate_many(
     started, stop = time.perf_counter(), threading.Event()
     crowd = native.Crowd(advance, x0[rows].transpose(0, 2, 1), t0, t_end, wanted, dt)
     workers = max(1, min(threads or cores(), len(rows)))
-    ends = np.linspace(0, len(rows), workers + 1).astype(int)
-    if workers == 1:
-        failed = [crowd.run(0, len(rows), lambda: True)]
-    else:
-        with ThreadPoolExecutor(workers) as pool:
-            try:
-                failed = list(pool.map(lambda first, last: crowd.run(first, last, lambda: not stop.is_set()), ends[:-1], ends[1:]))
-            finally:
-                stop.set()  # after Ctrl-C nobody waits for the rest
-    for block in (block for block in failed if block is not None):
+    failed = together(lambda _: crowd.run(workers, lambda: not stop.is_set()), workers, stop.set)
+    for block in sorted(block for block in failed if block is not None):
         t, states = crowd.t(block), crowd.x[block].T
         settings = {"rtol": 1.0, "atol": 1.0, "dt": dt}
         steps = (Integration(scene, t, min(t + dt, t_end), x, None, method, formalism, settings) for x in states)

@@ -2,6 +2,7 @@
 
 import ctypes
 import math
+import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -159,26 +160,44 @@ class Crowd:
         self.x[:] = x0
         self.results = _aligned((len(x0), len(times), *x0.shape[1:]))
         self.results[:, :reached] = x0[:, None]
+        self._taken, self._lock = 0, threading.Lock()
 
-    def run(self, first: int, last: int, proceed: Callable[[], bool]) -> int | None:
-        """Blocks first to last, as long as `proceed` agrees, asked every SLICE seconds; the first that cannot go on, None if all can."""
+    def _take(self, count: int, workers: int) -> tuple[int, int]:
+        """The next blocks, first to last: `count`, or fewer, that all workers come to the end together."""
+        with self._lock:
+            first = self._taken
+            left = len(self.x) - first
+            self._taken = first + min(count, -(-left // (2 * workers - 1)))
+            return first, self._taken
+
+    def run(self, workers: int, proceed: Callable[[], bool]) -> int | None:
+        """One of `workers` threads that share the blocks, while `proceed` agrees, asked every SLICE seconds; a block that cannot go on.
+
+        Where there are several of those, the first of all is among the answers: blocks are taken in order, and what is taken is finished.
+        """
         k, held = (_aligned((n, self._advance.lanes)) for n in (self._advance.room, self._advance.nheld))
         budget, count = 64, 1
-        while first < last and proceed():
+        first = last = 0
+        while proceed():
+            if first == last:
+                first, last = self._take(count, workers)
+                if first == last:
+                    break
             started = time.perf_counter()
             arrays = (self._headers[first:], self.x[first:], k, held, self._times)
             pointers = [a.ctypes.data for a in arrays]
-            count = min(count, last - first)
             out = self.results[first:].ctypes.data
-            done, status = divmod(self._advance.each(*pointers, len(self._times), out, budget, count), integrate.STATUSES)
+            done, status = divmod(self._advance.each(*pointers, len(self._times), out, budget, last - first), integrate.STATUSES)
             first += done
             if status not in (integrate.DONE, integrate.PAUSED):
+                with self._lock:
+                    self._taken = len(self.x)  # nobody begins another
                 return first
             share = SLICE / max(time.perf_counter() - started, 1e-6)
             if status == integrate.PAUSED:
                 budget = int(np.clip(budget * share, 1, 4 * budget))
             else:
-                count = int(np.clip(count * share, 1, 16 * count))
+                count = int(np.clip(done * share, 1, 16 * count))
         return None
 
     def t(self, block: int) -> float:

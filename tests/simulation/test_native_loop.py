@@ -1,5 +1,6 @@
 """The step loop in native code against the same methods in Python, and trajectories side by side in SIMD lanes."""
 
+import threading
 from dataclasses import replace
 from functools import partial
 
@@ -11,6 +12,7 @@ from tools import case
 import robodyn as rd
 from robodyn.engine import integrate
 from robodyn.model import Link
+from robodyn.simulation import native
 
 BACKENDS = ("native", "numpy")
 
@@ -115,6 +117,55 @@ def test_the_trajectory_that_cannot_go_on_is_named():
     v0[6, 1] = 1e200  # its square is beyond float64
     with pytest.raises(rd.SimulationError, match="trajectory 6"):
         rd.simulate_many(cartpole, t_end=0.1, v0=v0)
+
+
+@pytest.mark.parametrize("threads", [1, 2, 5])
+def test_of_several_that_cannot_go_on_the_first_is_named(threads):
+    """Whatever the number of threads, and though a later one fails earlier in time."""
+    v0 = np.zeros((400, 2))
+    v0[[150, 390], 1] = 1e153, 1e200  # a step, and none
+    with pytest.raises(rd.SimulationError, match="trajectory 150 "):
+        rd.simulate_many(rd.load(rods().with_name("cartpole.urdf")), t_end=0.05, v0=v0, threads=threads)
+
+
+def test_the_first_is_named_even_if_another_thread_took_it(monkeypatch):
+    take, taken = native.Crowd._take, {True: threading.Event(), False: threading.Event()}
+
+    def second(crowd, count, workers):
+        mine = threading.current_thread() is threading.main_thread()
+        if mine:
+            assert taken[False].wait(60)
+        blocks = take(crowd, count, workers)
+        taken[mine].set()
+        assert taken[True].wait(60)
+        return blocks
+
+    monkeypatch.setattr(native.Crowd, "_take", second)
+    with pytest.raises(rd.SimulationError, match="trajectory 0 "):
+        rd.simulate_many(rd.load(rods().with_name("cartpole.urdf")), t_end=0.05, v0=np.full((400, 2), 1e200), threads=2)
+
+
+@pytest.mark.parametrize(
+    ("method", "lanes"), [("rk4", 1), ("rk4", 4), ("semi_implicit_euler", 1), ("semi_implicit_euler", 4), ("dop853", 1)]
+)
+def test_a_pause_after_every_step_changes_no_bit(moving, method, lanes):
+    """What a step needs of the one before is kept in between: progress and Ctrl-C come in pauses."""
+    scene, q, v = moving
+    x0 = np.repeat(np.concatenate([q, v, [0.0]])[:, None], lanes, axis=1)
+    found = []
+    for budget in (10**6, 1):
+        settings = {"dt": 1e-3, "rtol": 1e-9, "atol": 1e-9}
+        run = native.Run(native.compiled(scene.evaluator, method, "auto", lanes), x0, 0.0, np.linspace(0.0, 0.1, 77), settings)
+        run.head_for(0.1)
+        run._budget, pauses = budget, 0
+        while run.step() if budget == 1 else run.slice():
+            pauses += 1
+        assert (pauses > 5) == (budget == 1)
+        found.append((run.results.copy(), run.x.copy(), run.counts))
+    assert np.array_equal(found[0][0], found[1][0])
+    assert np.array_equal(found[0][1], found[1][1])
+    assert len(found[0][0]) == 77
+    assert found[0][2] == found[1][2]
 
 
 def test_a_control_law_is_compiled():
