@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike
 
-from . import composed, inputs
+from . import composed, inputs, remembered
 from .arithmetic import Array, precision
 from .engine.graph import Graph
 from .engine.kernel import DOUBLE, Kernel
@@ -41,7 +41,7 @@ class Evaluator:
     """Answers questions about one robot under one gravity and its loads."""
 
     def __init__(self, robot: Mechanism, gravity: Array, loads: tuple[Load, ...]) -> None:
-        self.robot = robot
+        self.robot, self._gravity = robot, gravity
         # Kernels are traced on the float64 equations: their constants are float64.
         self._views = {backend: Views(robot, gravity, loads, backend) for backend in BACKENDS}
         self._kernels: dict[tuple[Question, np.dtype], Kernel] = {}
@@ -220,17 +220,25 @@ class Evaluator:
         if getattr(question, "formalism", "") != "auto":
             return question
         # Where wrenches are asked for as well, what both share counts too.
-        wrenches = isinstance(question, JointReactions) and len(self._routes) > 1
-        return replace(question, formalism=self._compared(question)[0] if wrenches else self.cheapest)  # type: ignore[call-arg]
+        return replace(question, formalism=self._cheapest(question) if isinstance(question, JointReactions) else self.cheapest)  # type: ignore[call-arg]
 
     @cached_property
     def operations(self) -> dict[str, int]:
         """Floating-point operations of forward dynamics by each formalism that is compiled for this scene."""
-        return self._motion[1]
+        return self._compared(ForwardDynamics("auto"))[1]
 
     @cached_property
-    def _motion(self) -> tuple[str, dict[str, int]]:
-        return self._compared(ForwardDynamics("auto"))
+    def cheapest(self) -> str:
+        """The formalism that is cheapest for forward dynamics of this scene."""
+        return self._cheapest(ForwardDynamics("auto"))
+
+    def _cheapest(self, question: Question) -> str:
+        """The formalism that is cheapest for a question."""
+        if len(self._routes) == 1:
+            return self._routes[0]
+        if self.views().lumped.loads:  # may be any function
+            return self._compared(question)[0]
+        return remembered.route(question, self.robot, self._gravity, self._routes, lambda: self._compared(question)[0])
 
     def _compared(self, question: Question) -> tuple[str, dict[str, int]]:
         """The cheapest formalism for a question, and the operations of each."""
@@ -247,11 +255,6 @@ class Evaluator:
     @property
     def _routes(self) -> list[str]:
         return ["nonrecursive"] if self.views().lumped.tree.has_mimic else ["recursive"] if self.loops else list(SWEEPS)
-
-    @cached_property
-    def cheapest(self) -> str:
-        """The formalism that is cheapest for forward dynamics of this scene."""
-        return self._routes[0] if len(self._routes) == 1 else self._motion[0]
 
     @cached_property
     def loops(self) -> bool:

@@ -1,4 +1,4 @@
-"""Show where compiled kernels are kept and how much room they take, or remove them.
+"""Show where compiled kernels, and what was the cheapest formalism, are kept and how much room they take; or remove them.
 
 The environment variable ROBODYN_CACHE names another folder, or turns the cache "off".
 """
@@ -13,7 +13,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--clear",
         action="store_true",
-        help="remove every kernel, and what interrupted writes have left; kernels are compiled again when needed",
+        help="remove every entry, and what interrupted writes have left; kernels are compiled again when needed",
     )
 
 
@@ -23,5 +23,5 @@ def run(options: argparse.Namespace) -> int:
         print("the cache is off, or its folder is not the user's own")
         return 0
     number, size = cache.clear() if options.clear else cache.usage()
-    print(f"{'removed' if options.clear else folder}: {number} kernels, {size / 2**20:.1f} MB")
+    print(f"{'removed' if options.clear else folder}: {number} entries, {size / 2**20:.1f} MB")
     return 0

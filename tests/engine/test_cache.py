@@ -142,7 +142,7 @@ def test_what_interrupted_writes_left_is_counted_and_cleared(folder, capsys):
     os.utime(new, (time.time() - 3600,) * 2)
     assert main(["cache", "--clear"]) == 0
     assert not new.exists()
-    assert "0 kernels" in capsys.readouterr().out
+    assert "0 entries" in capsys.readouterr().out
 
 
 def test_the_next_entry_cleans_up_behind_an_interrupted_write(folder):

@@ -1,0 +1,93 @@
+"""The choice of a formalism, kept on disk."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tools import case
+
+import robodyn as rd
+from robodyn import remembered
+from robodyn.engine import cache
+from robodyn.evaluate import Evaluator
+from robodyn.joints import Revolute
+
+
+@pytest.fixture
+def counted(tmp_path, monkeypatch):
+    """The questions for which formalisms were compared, with an empty cache on disk."""
+    monkeypatch.setenv(cache.VARIABLE, str(tmp_path / "cache"))
+    compared, counted = Evaluator._compared, []
+
+    def counting(self, question):
+        counted.append(question)
+        return compared(self, question)
+
+    monkeypatch.setattr(Evaluator, "_compared", counting)
+    return counted
+
+
+def again(robot: rd.Robot) -> rd.Robot:
+    """The same robot, that nothing was asked of."""
+    return replace(robot)
+
+
+def test_formalisms_are_compared_once(counted):
+    c = case(1, n=5)
+    first, second = (again(c.robot).forward_dynamics(c.q, c.v, c.tau) for _ in range(2))
+    assert len(counted) == 1
+    assert np.array_equal(first, second)
+    carried = [again(c.robot).reactions(c.q, c.v, c.tau).array for _ in range(2)]
+    assert len(counted) == 2  # reactions are another question
+    assert np.array_equal(*carried)
+    # Who asks for the counts gets them, whatever is remembered.
+    assert set(rd.Scene(again(c.robot)).evaluator.operations) == {"recursive", "nonrecursive"}
+
+
+@pytest.mark.parametrize("kept", ["recursive", "nonrecursive"])
+def test_what_is_remembered_is_taken(counted, monkeypatch, kept):
+    c = case(1, n=5)
+    monkeypatch.setattr(cache, "get", lambda name: kept.encode())
+    evaluator = rd.Scene(c.robot).evaluator
+    assert evaluator.cheapest == kept
+    assert not counted
+
+
+@pytest.mark.parametrize("damaged", [None, b"", b"saddle_joint", b"\xff"])
+def test_what_is_damaged_is_found_anew(counted, monkeypatch, damaged):
+    c = case(1, n=5)
+    monkeypatch.setattr(cache, "get", lambda name: damaged)
+    assert rd.Scene(c.robot).evaluator.cheapest in ("recursive", "nonrecursive")
+    assert len(counted) == 1
+
+
+def test_what_is_another_scene_or_another_robodyn_is_compared_for_itself(counted, monkeypatch):
+    c = case(1, n=5)
+    heavier = replace(c.robot, links=tuple(replace(x, inertia=replace(x.inertia, mass=2 * x.inertia.mass)) for x in c.robot.links))
+    scenes = [rd.Scene(c.robot), rd.Scene(c.robot, gravity=(0, 0, -1.6)), rd.Scene(heavier)]
+    for n, scene in enumerate(scenes, 1):
+        assert scene.evaluator.cheapest
+        assert len(counted) == n
+    monkeypatch.setattr(remembered, "_source", lambda: "another")
+    assert rd.Scene(c.robot).evaluator.cheapest
+    assert len(counted) == 4
+
+
+def test_loads_are_counted_every_time(counted):
+    """A law is a function, and pickles know a function by its name alone."""
+    c = case(1, n=5)
+    for n in (1, 2):
+        assert rd.Scene(c.robot, loads=[rd.LinkWrench("link_1", force=(1.0, 0.0, 0.0))]).evaluator.cheapest
+        assert len(counted) == n
+
+
+def test_a_robot_that_cannot_be_pickled_is_counted_every_time(counted):
+    class Own(Revolute):
+        pass
+
+    c = case(1, n=3, joint_types=("revolute",), floating_base=False)
+    joints = tuple(replace(x, type=Own(x.type.axis)) if x.type.nv else x for x in c.robot.joints)
+    for n in (1, 2):
+        robot = replace(c.robot, joints=joints)
+        assert np.allclose(robot.forward_dynamics(c.q, c.v, c.tau), c.reference.forward_dynamics(c.q, c.v, c.tau), rtol=1e-9)
+        assert len(counted) == n
