@@ -26,7 +26,7 @@ Row = tuple[str, str, Timing]  # kind, work, time
 
 
 def first_call(subject: Subject) -> Iterator[Row]:
-    """From a loaded robot to its first answer: import of LLVM, tracing by each route, compiling or loading, one evaluation."""
+    """From a loaded robot to its first answer: import of LLVM, tracing by each route (cached: by the cheapest), compiling or loading."""
     options, times = json.dumps({name: x for name, x in subject.options.items() if x}), {"nothing cached": [], "cached": []}
     for _ in range(min(PROCESSES, subject.settings.rounds)):
         with tempfile.TemporaryDirectory() as folder:
