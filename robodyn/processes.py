@@ -5,7 +5,7 @@ import os
 import threading
 import weakref
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor, wait
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from functools import cache, wraps
 from typing import Any, Generic, TypeVar, overload
 
@@ -29,8 +29,9 @@ def together(work: Callable[[int], Value], n: int, stop: Callable[[], object] = 
 
     stop: called as soon as one raises, or Ctrl-C comes, for the others to give up; what was raised is raised again.
     """
-    futures = [_pool().submit(work, k) for k in range(1, n)]
+    futures: list[Future[Value]] = []
     try:
+        futures.extend(_pool().submit(work, k) for k in range(1, n))
         return [work(0), *(future.result() for future in futures)]
     except BaseException:
         stop()

@@ -1,5 +1,8 @@
 """The step loop in native code against the same methods in Python, and trajectories side by side in SIMD lanes."""
 
+import signal
+import subprocess
+import sys
 import threading
 from dataclasses import replace
 from functools import partial
@@ -126,6 +129,31 @@ def test_of_several_that_cannot_go_on_the_first_is_named(threads):
     v0[[150, 390], 1] = 1e153, 1e200  # a step, and none
     with pytest.raises(rd.SimulationError, match="trajectory 150 "):
         rd.simulate_many(rd.load(rods().with_name("cartpole.urdf")), t_end=0.05, v0=v0, threads=threads)
+
+
+INTERRUPTED = """
+import signal, sys, time
+import numpy as np
+import robodyn as rd
+robot = rd.load(sys.argv[1])
+rd.simulate_many(robot, q0=np.zeros((64, robot.nq)), t_end=0.01)
+signal.signal(signal.SIGALRM, signal.default_int_handler)
+signal.setitimer(signal.ITIMER_REAL, 0.5)
+started = time.perf_counter()
+try:
+    rd.simulate_many(robot, q0=np.zeros((2048, robot.nq)), t_end=1e4, times=[1e4], threads=int(sys.argv[2]))
+except KeyboardInterrupt:
+    print(time.perf_counter() - started)
+"""
+
+
+@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="needs POSIX timers")
+@pytest.mark.parametrize("threads", [1, 3])
+def test_ctrl_c_stops_many_trajectories_between_slices(threads):
+    """An hour's work ends soon: a slice takes 0.05 s, and a busy machine some of them."""
+    command = [sys.executable, "-c", INTERRUPTED, rods().with_name("ur5e.urdf"), str(threads)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
+    assert 0.5 < float(done.stdout) < 10
 
 
 def test_the_first_is_named_even_if_another_thread_took_it(monkeypatch):
