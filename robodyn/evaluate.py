@@ -18,8 +18,9 @@ from . import composed, inputs, remembered
 from .arithmetic import Array, precision
 from .engine.graph import Graph
 from .engine.kernel import DOUBLE, Kernel
+from .engine.layout import Looped
 from .engine.program import Program, program
-from .engine.sweeps import Looped, Recorder
+from .engine.sweeps import Recorder
 from .equations import SADDLES, SWEEPS, Views
 from .errors import InputError, ModelError
 from .loads import Load, State

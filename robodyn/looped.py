@@ -14,7 +14,8 @@ import numpy as np
 
 from .arithmetic import Array
 from .engine.graph import Graph, Scalar
-from .engine.sweeps import SUM, Forest, Recorder, Records, objects
+from .engine.recording import SUM, Forest, objects
+from .engine.sweeps import Recorder, Records
 from .equations import Equations, Views
 from .model import Body, Field, Inertia, Tree
 from .processes import cached_property

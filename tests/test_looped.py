@@ -13,7 +13,8 @@ import robodyn as rd
 from robodyn import composed, evaluate
 from robodyn.algebra import frozen, rotation
 from robodyn.engine import blocks, integrate, kernel as kernels
-from robodyn.engine.sweeps import Looped, Recorder
+from robodyn.engine.layout import Looped
+from robodyn.engine.sweeps import Recorder
 from robodyn.joints import JOINT_TYPES, Fixed
 from robodyn.loads import Load
 from robodyn.looped import KINDS, LoopedTree

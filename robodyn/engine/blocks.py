@@ -12,8 +12,8 @@ from .graph import LEAVES
 from .program import Program
 
 if TYPE_CHECKING:
+    from .layout import Looped
     from .loops import LoopedPart
-    from .sweeps import Looped
 
 NAME = "evaluate"  # of the part that `run` calls
 WRITTEN_OUT = 600  # inputs and outputs up to which the code that moves them is written out

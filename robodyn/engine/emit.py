@@ -18,8 +18,8 @@ from .graph import LEAVES, TRIGONOMETRIC
 from .program import Program
 
 if TYPE_CHECKING:
+    from .layout import Looped
     from .loops import LoopedPart
-    from .sweeps import Looped
 
 WHOLE = 10000  # instructions up to which a program is one function: what crosses a border goes through memory
 PIECE = 2500  # instructions in one function beyond: LLVM's time grows faster than linearly, and it spills more than crosses

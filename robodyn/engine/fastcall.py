@@ -18,8 +18,8 @@ import numpy as np
 
 from .compile import Loaded, lanes
 from .kernel import WORK, Kernel, load
+from .layout import Looped
 from .program import Program
-from .sweeps import Looped
 
 # Offsets in PyObject and PyArrayObject_fields (numpy/ndarraytypes.h), 64 bit.
 TYPE, DATA, ND, DIMS, DESCR, FLAGS = 8, 16, 24, 32, 56, 64

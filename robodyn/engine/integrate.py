@@ -16,8 +16,8 @@ from ..arithmetic import Array
 from . import emit
 from .code import Code
 from .functions import INTRINSICS, Type
+from .layout import Looped
 from .program import Program
-from .sweeps import Looped
 
 DONE, PAUSED, STEP_TOO_SMALL, NOT_FINITE = range(4)  # what `advance` returns
 STATUSES = 4

@@ -12,8 +12,8 @@ from ..arithmetic import Array
 from ..processes import cores, lock, together
 from . import blocks, cache as disk, emit
 from .compile import OPTIONS, Loaded, cpu, lanes, llvm, object_code
+from .layout import Looped
 from .program import Program
-from .sweeps import Looped
 
 DOUBLE, SINGLE = np.dtype(np.float64), np.dtype(np.float32)
 SCALARS = {DOUBLE: "double", SINGLE: "float"}  # what LLVM calls them

@@ -1,4 +1,4 @@
-"""LLVM IR of a program with loops (`sweeps.Looped`): steps as functions of a node's row, a driver over each forest.
+"""LLVM IR of a program with loops (`layout.Looped`): steps as functions of a node's row, a driver over each forest.
 
 What differs from node to node (where its numbers lie, its parameters) comes from tables that are bound when the code is loaded, so one
 compiled driver serves forests of any size. The workspace is on the heap: ten thousand nodes do not fit on a thread's stack.
@@ -11,8 +11,8 @@ from .code import Code
 from .constants import Constants
 from .emit import Operands, Part
 from .functions import Type
+from .layout import ADDED, FIXED_COLUMNS, Fill, Loop, Looped, Straight
 from .program import Program
-from .sweeps import ADDED, FIXED_COLUMNS, Fill, Loop, Looped, Straight
 
 OWN, UP, PARAM, KIND = range(len(FIXED_COLUMNS))
 STRAIGHT = 400  # instructions in one function between loops: they read and write memory all over, which costs LLVM more than linear time

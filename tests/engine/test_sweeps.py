@@ -13,8 +13,11 @@ import pytest
 
 from robodyn.arithmetic import cos, sin
 from robodyn.engine import blocks, kernel as kernels
+from robodyn.engine.alike import MANY
 from robodyn.engine.kernel import Kernel
-from robodyn.engine.sweeps import MANY, SUM, Fill, Forest, Loop, Recorder, Records, Straight, objects
+from robodyn.engine.layout import Fill, Loop, Straight
+from robodyn.engine.recording import SUM, Forest, objects
+from robodyn.engine.sweeps import Recorder, Records
 
 SIZES = (1, 2, 0)  # numbers that a node of each kind has in a vector
 
