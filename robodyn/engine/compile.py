@@ -11,17 +11,45 @@ from typing import Any
 from ..arithmetic import Array
 from ..errors import MissingPackageError
 
+_lock = threading.RLock()  # LLVM's context is one for the process
+_held: list[Any] = []  # llvmlite's own lock, once it is there: every call of it and every object's end takes that
+
 
 @cache
 def llvm() -> Any:
     """llvmlite's binding, imported and initialised when first used."""
-    try:
-        import llvmlite.binding as binding
-    except ImportError as error:
-        raise MissingPackageError("backend='native' needs the package llvmlite: pip install llvmlite, or use backend='numpy'") from error
-    binding.initialize_native_target()
-    binding.initialize_native_asmprinter()
-    return binding
+    with _lock:
+        try:
+            import llvmlite.binding as binding
+        except ImportError as error:
+            need = "backend='native' needs the package llvmlite: pip install llvmlite, or use backend='numpy'"
+            raise MissingPackageError(need) from error
+        binding.initialize_native_target()
+        binding.initialize_native_asmprinter()
+        _held[:] = [binding.ffi.lib._lock]
+        return binding
+
+
+def _before_fork() -> None:
+    _lock.acquire()
+    for lock in _held:
+        lock.__enter__()
+
+
+def _after_fork() -> None:
+    for lock in _held:
+        lock.__exit__(None, None, None)
+    _lock.release()
+
+
+if hasattr(os, "register_at_fork"):  # a child that was born while another thread imported, compiled or loaded would wait for it for ever
+    os.register_at_fork(before=_before_fork, after_in_parent=_after_fork, after_in_child=_after_fork)
+
+
+@cache
+def version() -> tuple[str, str]:
+    """LLVM's version and the triple that it compiles for."""
+    return ".".join(map(str, llvm().llvm_version_info)), llvm().get_default_triple()
 
 
 @cache
@@ -39,18 +67,12 @@ def lanes() -> int:
 
 OPTIONS = "opt 2, pic, no vectorizers, no unrolling"  # part of the cache key: change it with what `object_code` does
 
-_lock = threading.Lock()  # LLVM's context is one for the process
-if hasattr(os, "register_at_fork"):  # a child that was born while another thread compiled would wait for it for ever
-    os.register_at_fork(before=_lock.acquire, after_in_parent=_lock.release, after_in_child=_lock.release)
-
 
 def object_code(ir: str) -> bytes:
     """The object file of a module."""
     with _lock:
         module, machine = _optimised(ir)
-        code = machine.emit_object(module)
-        del module, machine  # LLVM frees them, with llvmlite's own lock: before a fork may go on
-    return code
+        return machine.emit_object(module)
 
 
 def assembly(ir: str) -> str:
@@ -85,7 +107,6 @@ class Loaded:
             self._engine = binding.create_mcjit_compiler(module, machine)
             self._engine.add_object_file(binding.object_file.ObjectFileRef.from_data(code))
             self._engine.finalize_object()
-            del module, machine
         self._tables = tables
         for name, table in tables.items():
             ctypes.c_void_p.from_address(self.address(name)).value = table.ctypes.data

@@ -11,7 +11,7 @@ import numpy as np
 from ..arithmetic import Array
 from ..processes import cores, lock, together
 from . import blocks, cache as disk, emit
-from .compile import OPTIONS, Loaded, cpu, lanes, llvm, object_code
+from .compile import OPTIONS, Loaded, cpu, lanes, object_code, version
 from .layout import Looped
 from .program import Program
 
@@ -99,8 +99,7 @@ class Kernel:
 
 def load(ir: str, tables: Mapping[str, Array] = MappingProxyType({})) -> Loaded:
     """Machine code of a module, from the cache where it is there, its pointers set to the tables of their names."""
-    version = ".".join(map(str, llvm().llvm_version_info))
-    name = disk.key(ir, version, llvm().get_default_triple(), *cpu(), OPTIONS)
+    name = disk.key(ir, *version(), *cpu(), OPTIONS)
     code = disk.get(name)
     if code is None:
         code = object_code(ir)

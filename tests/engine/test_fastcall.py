@@ -265,6 +265,42 @@ fork()
     child_ends_well(code)
 
 
+def test_a_fork_waits_for_another_threads_call_of_llvmlite():
+    """Any call, even the end of an object that Python throws away, holds llvmlite's own lock."""
+    code = """
+import llvmlite.binding as binding
+ask(small)
+calling = threading.Event()
+def slow():
+    if threading.current_thread() is thread:
+        calling.set()
+        time.sleep(0.3)
+binding.ffi.register_lock_callback(slow, lambda: None)
+thread = threading.Thread(target=binding.get_default_triple)
+thread.start()
+calling.wait()
+fork()
+"""
+    child_ends_well(code)
+
+
+def test_a_fork_waits_for_another_threads_import_of_llvmlite():
+    code = """
+import builtins, sys
+importing, whole = threading.Event(), builtins.__import__
+def slow(name, *arguments):
+    if name == "llvmlite.binding":
+        importing.set()
+    return whole(name, *arguments)
+builtins.__import__ = slow
+thread.start()
+importing.wait()
+time.sleep(0.01)
+fork()
+"""
+    child_ends_well(code)
+
+
 def test_a_fork_in_the_middle_of_another_threads_trace():
     """The child finds all locks free, those of lazily computed values too, and Python looking for garbage again."""
     code = """
