@@ -237,9 +237,8 @@ class Evaluator:
         """The formalism that is cheapest for a question."""
         if len(self._routes) == 1:
             return self._routes[0]
-        if self.views().lumped.loads:  # may be any function
-            return self._compared(question)[0]
-        return remembered.route(question, self.robot, self._gravity, self._routes, lambda: self._compared(question)[0])
+        loads = self.views().lumped.loads
+        return remembered.route(question, self.robot, self._gravity, loads, self._routes, lambda: self._compared(question)[0])
 
     def _compared(self, question: Question) -> tuple[str, dict[str, int]]:
         """The cheapest formalism for a question, and the operations of each."""

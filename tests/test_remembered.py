@@ -68,20 +68,51 @@ def test_what_is_another_scene_or_another_robodyn_is_compared_for_itself(counted
     for n, scene in enumerate(scenes, 1):
         assert scene.evaluator.cheapest
         assert len(counted) == n
-    monkeypatch.setattr(remembered, "_source", lambda: "another")
+    monkeypatch.setattr(remembered, "source", lambda folder: "another")
     assert rd.Scene(c.robot).evaluator.cheapest
     assert len(counted) == 4
 
 
-def test_loads_are_counted_every_time(counted):
-    """A law is a function, and pickles know a function by its name alone."""
+def test_what_is_numbers_alone_is_remembered_with_its_loads(counted):
     c = case(1, n=5)
+    loads = [rd.LinkWrench("link_1", force=(1.0, 0.0, 0.0)), rd.JointDamping({c.robot.joints[2].name: 0.5})]
+    for some in (loads, loads[:1], [rd.LinkWrench("link_1", force=(2.0, 0.0, 0.0)), loads[1]]):
+        before = len(counted)
+        for _ in range(2):
+            assert rd.Scene(again(c.robot), loads=some).evaluator.cheapest
+        assert len(counted) == before + 1
+
+
+def law(t, q, v):
+    return -v
+
+
+def test_functions_are_counted_every_time(counted):
+    """Pickles know a function, and a class, by its name alone."""
+    robot = case(1, n=3, joint_types=("revolute",), floating_base=False).robot
     for n in (1, 2):
-        assert rd.Scene(c.robot, loads=[rd.LinkWrench("link_1", force=(1.0, 0.0, 0.0))]).evaluator.cheapest
+        assert rd.Scene(robot, loads=[rd.ControlLaw(law)]).evaluator.cheapest
         assert len(counted) == n
 
 
-def test_a_robot_that_cannot_be_pickled_is_counted_every_time(counted):
+def test_questions_about_reactions_differ_by_frame_and_part(counted):
+    c = case(1, n=5)
+    for n, options in enumerate(({"frame": "world"}, {"frame": "child"}, {"part": "total"}), 1):
+        assert again(c.robot).reactions(c.q, c.v, c.tau, **options)
+        assert len(counted) == n
+
+
+def test_every_file_of_the_source_counts(tmp_path):
+    file = tmp_path / "engine" / "graph.py"
+    file.parent.mkdir()
+    found = []
+    for text in ("a = 1", "a = 2"):
+        file.write_text(text)
+        found.append(remembered.source.__wrapped__(tmp_path))
+    assert len({*found, remembered.source(tmp_path / "nothing")}) == 3
+
+
+def test_types_of_joints_of_ones_own_are_counted_every_time(counted):
     class Own(Revolute):
         pass
 

@@ -95,9 +95,16 @@ def _head(name: str, code: bytes) -> bytes:
 
 
 def _entries(path: Path | None) -> list[Path]:
-    if path is None:
-        return []
-    return [file for file in path.iterdir() if len(file.name) == 64 and file.is_file()]
+    return [file for file in path.iterdir() if len(file.name) == 64 and _is_ours(file)] if path is not None else []
+
+
+def _is_ours(file: Path) -> bool:
+    """Whether a file begins as entries do: the folder may be one that the user keeps other things in."""
+    try:
+        with file.open("rb") as stream:
+            return stream.read(len(_MAGIC)) == _MAGIC
+    except OSError:
+        return False
 
 
 def _unfinished(path: Path | None, age: float = -float("inf")) -> list[Path]:
