@@ -229,6 +229,13 @@ class Evaluator:
         return self._compared(ForwardDynamics("auto"))[1]
 
     @cached_property
+    def unreduced_operations(self) -> int | None:
+        """Those of "nonrecursive" without base inertial parameters, on the bodies as they are; None where it is not compiled."""
+        if "nonrecursive" not in self._routes:
+            return None
+        return self._traced(ForwardDynamics("nonrecursive"), minimal=False).operations
+
+    @cached_property
     def cheapest(self) -> str:
         """The formalism that is cheapest for forward dynamics of this scene."""
         return self._cheapest(ForwardDynamics("auto"))
@@ -290,9 +297,10 @@ class Evaluator:
         return recorder, LoopedViews(self.views(), recorder)
 
     @without_collections
-    def _traced(self, question: Question, dtype: np.dtype = DOUBLE) -> Program | Looped:
-        """The question, asked of symbols."""
+    def _traced(self, question: Question, dtype: np.dtype = DOUBLE, *, minimal: bool = True) -> Program | Looped:
+        """The question, asked of symbols; with minimal=False on the bodies as they are."""
         graph, views = self._symbolic(self.loops and getattr(question, "formalism", "recursive") == "recursive")
+        views = views if minimal else self.views()
         sizes = {name: inputs.size(self.robot, name) for name in question.needs} | {"t": 1}
         arrays = {name: graph.inputs(name, (n,)) for name, n in sizes.items()}
         t = arrays.pop("t")[0]

@@ -105,11 +105,13 @@ def chain_rows(counts: Sequence[int], settings: Settings, tick: Tick = lambda _:
 
 
 def facts(subject: Subject) -> dict[str, Any]:
-    """What belongs above a robot's rows: size, operations per route, the condition of the checked states."""
+    """What belongs above a robot's rows: size, operations per route (and without base parameters), the condition of the checked states."""
     _needs_digits()
     q = subject.few[0]
     kappa = max(condition(subject.robot, x, a) for x, a in zip(q, subject.exact, strict=True))
-    return {"name": subject.robot.name, "nv": subject.robot.nv, "operations": subject.scene.evaluator.operations, "condition": kappa}
+    evaluator = subject.scene.evaluator
+    counts = {"operations": evaluator.operations, "unreduced": evaluator.unreduced_operations}
+    return {"name": subject.robot.name, "nv": subject.robot.nv, "condition": kappa, **counts}
 
 
 def machine() -> dict[str, Any]:

@@ -166,3 +166,33 @@ def test_a_killed_process_leaves_what_clear_knows(folder):
     os.utime(left, (time.time() - 3600,) * 2)
     assert cache.clear()[1] > 500
     assert not list(folder.iterdir())
+
+
+def test_files_of_others_are_neither_counted_nor_removed(folder, monkeypatch):
+    value(3.0)
+    foreign = folder / ("a" * 64)
+    foreign.write_bytes(b"kept")
+    os.utime(foreign, (0, 0))
+    monkeypatch.setattr(cache, "LIMIT", 1)
+    value(4.0)
+    assert cache.usage()[0] == 1  # the newest stays, whatever its size
+    assert cache.clear()[0] == 1
+    assert foreign.read_bytes() == b"kept"
+
+
+def test_parts_of_a_key_do_not_run_together():
+    assert cache.key("ab", "c") != cache.key("a", "bc")
+
+
+def test_what_is_used_counts_as_new(folder):
+    name = cache.key("x")
+    cache.put(name, b"1")
+    os.utime(folder / name, (1, 1))
+    cache.get(name)
+    assert (folder / name).stat().st_mtime > time.time() - 3600
+
+
+def test_a_folder_that_the_group_can_write_is_not_trusted(folder):
+    folder.mkdir()
+    os.chmod(folder, 0o770)
+    assert cache.folder() is None

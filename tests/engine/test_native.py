@@ -9,8 +9,10 @@ import pytest
 from tools import EPS, case, condition, error
 
 import robodyn as rd
-from robodyn.engine import blocks, compile as compiler, emit
+from robodyn.engine import blocks, compile as compiler, emit, kernel as kernels
+from robodyn.engine.graph import Graph
 from robodyn.engine.kernel import Kernel, load
+from robodyn.engine.program import program
 from robodyn.evaluate import Evaluator
 from robodyn.questions import Energies, ForwardDynamics, JointReactions, MassMatrix
 
@@ -200,3 +202,23 @@ def robots():
     from pathlib import Path
 
     return Path(__file__).parents[2] / "robots"
+
+
+@pytest.mark.parametrize("n", [1, 20])
+def test_what_the_dynamics_do_not_need_has_to_be_finite(n):
+    """A slider falls alike wherever it is; that it is nowhere is an error all the same."""
+    robot = rd.random_robot(np.random.default_rng(0), 1, joint_types=("prismatic",))
+    q, v = np.zeros((n, robot.nq)), np.zeros((n, robot.nv))
+    assert np.isfinite(robot.forward_dynamics(q, v)).all()
+    q[-1, 0] = np.nan
+    with pytest.raises(rd.InputError, match="q"):
+        robot.forward_dynamics(q, v)
+
+
+def test_the_first_of_several_bad_rows_is_found(monkeypatch):
+    monkeypatch.setattr(kernels, "WORK", 1)
+    graph = Graph()
+    x = graph.inputs("x", (1,))
+    kernel, rows = kernels.Kernel(program(graph, {"x": 1}, {"y": x * 2.0})), np.zeros((640, 1))
+    rows[[100, 600]] = np.nan
+    assert kernel((640,), {"x": rows}, threads=2)[1] // 16 == 100 // 16
