@@ -31,7 +31,9 @@ def together(work: Callable[[int], Value], n: int, stop: Callable[[], object] = 
     """
     futures: list[Future[Value]] = []
     try:
-        futures.extend(_pool().submit(work, k) for k in range(1, n))
+        for k in range(1, n):
+            futures.append(_pool().submit(work, k))
+            futures[-1].add_done_callback(lambda future: future.exception() and stop())
         return [work(0), *(future.result() for future in futures)]
     except BaseException:
         stop()

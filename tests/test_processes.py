@@ -37,6 +37,18 @@ def test_whoever_fails_stops_the_others_and_is_waited_for(failing):
     assert sorted(ended) == sorted({0, 1, 2} - {failing})
 
 
+def test_the_caller_hears_of_a_failure_while_at_work():
+    stop = threading.Event()
+
+    def work(k):
+        if k:
+            raise ZeroDivisionError
+        assert stop.wait(60)
+
+    with pytest.raises(ZeroDivisionError):
+        together(work, 2, stop.set)
+
+
 def test_a_forked_child_has_threads_of_its_own():
     assert together(abs, 3) == [0, 1, 2]
     context = multiprocessing.get_context("fork")

@@ -4,7 +4,6 @@ import threading
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -21,8 +20,8 @@ from ..questions import Evolution, Result
 from ..scene import Scene
 from . import native
 from .methods import METHODS
-from .run import MOST_FRAMES, Integration, output_times, simulate
-from .step import step_count
+from .run import MOST_FRAMES, Integration, advice, output_times, simulate
+from .step import step_count, step_times
 from .trajectory import Trajectory
 
 
@@ -80,7 +79,10 @@ def simulate_many(
     if not t_end > t0 or dt <= 0:
         raise InputError(f"t_end={t_end} must be later than t0={t0}, and dt={dt} positive")
     wanted = output_times(t0, t_end, fps, times)
-    wanted = step_times(t0, t_end, dt) if wanted is None else wanted
+    if wanted is None:
+        if not (n := step_count(t0, t_end, dt)) < MOST_FRAMES:
+            raise InputError(f"{n:.3g} steps are too many to keep: give fps or the times you need, such as times=[t_end]")
+        wanted = step_times(t0, t_end, dt)
 
     inputs.thread_count(threads)
     states = inputs.checked(scene.robot, {"q0": scene.robot.neutral() if q0 is None else q0, "v0": v0})
@@ -112,7 +114,7 @@ def simulate_many(
         steps = (Integration(scene, t, min(t + dt, t_end), x, None, method, formalism, settings) for x in states)
         causes = ((int(row), _cause(step)) for row, step in zip(rows[block], steps, strict=True))
         bad, cause = next(((row, cause) for row, cause in causes if cause), (int(rows[block][0]), None))
-        why = cause or "reduce dt"
+        why = f"{cause}{advice(method, dt)}" if cause else "reduce dt"
         raise SimulationError(
             f"after t={t:.9g} s trajectory {bad} stopped being finite, or one of its joints showed no inertia: {why}; "
             f"look at q0[{bad}] with `simulate`"
@@ -137,14 +139,6 @@ def _one_by_one(scene: Scene, q: Array, v: Array, **options: Any) -> Array:
             raise SimulationError(f"trajectory {row}: {error}; look at q0[{row}] with `simulate`") from error
         found[row] = np.hstack([run.q, run.v, run.work[:, None]])
     return found
-
-
-def step_times(t0: float, t_end: float, dt: float) -> Array:
-    """t0 and the end of every step, to the bit as native code has them: t0 + k h rounded once, and t_end."""
-    if not (n := step_count(t0, t_end, dt)) < MOST_FRAMES:
-        raise InputError(f"{n:.3g} steps are too many to keep: give fps or the times you need, such as times=[t_end]")
-    start, h = Fraction(t0), Fraction((t_end - t0) / n)
-    return np.array([float(start + k * h) for k in range(n)] + [t_end])
 
 
 def _cause(integration: Integration) -> RobodynError | None:

@@ -14,10 +14,12 @@ from ..arithmetic import Array
 from ..engine import integrate
 from ..engine.kernel import load
 from ..evaluate import Evaluator
+from ..processes import lock
 from .methods import METHODS
 from .step import step_count
 
 _PLACE = {name: i for i, name in enumerate(integrate.HEADER)}
+_compiling = lock()  # LLVM works for one thread at a time anyway
 SLICE = 0.05  # seconds of native code between two looks at the keyboard
 
 
@@ -38,7 +40,11 @@ def compiled(evaluator: Evaluator, method: str, formalism: str, lanes: int, *, h
     """The integrator of a scene, under held joint forces or not; compiled when first asked for, then from the cache on disk."""
     integrator, key = METHODS[method], (method, formalism, lanes, held)
     assert integrator.tableau is not None
-    if key not in evaluator.step_loops:
+    if key in evaluator.step_loops:
+        return evaluator.step_loops[key]
+    with _compiling:
+        if key in evaluator.step_loops:  # by another thread, meanwhile
+            return evaluator.step_loops[key]
         tableau = integrator.tableau()
         rhs = evaluator.evolution(formalism, semi_implicit=integrator.semi_implicit, held=held)
         project = evaluator.projection()
@@ -48,8 +54,8 @@ def compiled(evaluator: Evaluator, method: str, formalism: str, lanes: int, *, h
         function.owner = each.owner = loaded  # the code lives as long as the functions
         room = integrate.room(tableau, rhs, project)
         nx, nheld = rhs.inputs["x"], rhs.inputs.get("held", 0)
-        evaluator.step_loops[key] = Advance(function, each, room, nx, nheld, lanes, integrator.adaptive)
-    return evaluator.step_loops[key]
+        evaluator.step_loops[key] = found = Advance(function, each, room, nx, nheld, lanes, integrator.adaptive)
+        return found
 
 
 class Run:
@@ -71,7 +77,7 @@ class Run:
             places[name], end = end, end + -(-math.prod(shape) // 8) * 8
         memory = _aligned((end,))
         views = {name: memory[places[name] : places[name] + math.prod(shape)].reshape(shape) for name, shape in shapes.items()}
-        header, self._x, self.k, self._held, self._out = views.values()
+        header, self._x, _, self._held, self._out = views.values()
         self._header: Any = header.data  # looked at in every sample: a memoryview is faster than an array
         reached = int(np.count_nonzero(self._times <= t0))  # outputs at the start are the start
         header[:] = _header(t=t0, t0=t0, t_end=t0, rtol=settings["rtol"], atol=settings["atol"], next=reached)

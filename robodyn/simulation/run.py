@@ -4,7 +4,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -23,9 +23,10 @@ from . import native
 from .methods import METHODS
 from .sampling import Sampling
 from .scipy_steps import too_small
-from .step import Step, resolution
+from .step import Step, resolution, step_count, step_times
 from .trajectory import Trajectory
 
+KNOWN_STEPS = 1e6  # equal steps up to which their ends are computed beforehand where all are kept: native code then makes many at a time
 MOST_FRAMES = 1e8  # results of one trajectory: beyond this memory runs out first
 
 Progress = Callable[[float], None]  # called with the simulated share of the time span, 0…1
@@ -81,8 +82,11 @@ def simulate(
         raise InputError(f"q0 and v0 have the leading dimensions {state['q0'].shape[:-1]}: give one state, (nq,) and (nv,)")
     inputs.unit_quaternions(scene.equations().side_conditions(state["q0"]))
     x0 = np.concatenate([scene.equations().project(state["q0"]), state["v0"], [0.0]])
-    integration = Integration(scene, t0, t_end, x0, wanted, method, formalism, {"rtol": rtol, "atol": atol, "dt": dt})
     in_native_code = backend == "native" and METHODS[method].tableau is not None and scene.evaluator.compiles_steps(formalism)
+    known = in_native_code and not METHODS[method].adaptive and not scene.sampled and step_count(t0, t_end, dt) < KNOWN_STEPS
+    if wanted is None and known:
+        wanted = step_times(t0, t_end, dt)
+    integration = Integration(scene, t0, t_end, x0, wanted, method, formalism, {"rtol": rtol, "atol": atol, "dt": dt})
     with _reporter(progress, "compiling" if in_native_code else "simulating") as report:
         if not (in_native_code and integration.starts_natively()):
             scene.evaluator.ask(Result(formalism), "numpy", t=t0, q=state["q0"], v=state["v0"], tau=None)
@@ -91,11 +95,12 @@ def simulate(
             integration.run_natively(report) if in_native_code else integration.run_in_python(backend, report)
         except KeyboardInterrupt:
             reached = f"t={integration.reached:.6g} s of {t_end:g} s"
-            warnings.warn(f"interrupted at {reached}: the trajectory ends with its last state before", RobodynWarning, stacklevel=2)
+            ends = "is complete" if integration.completed else "ends with its last state before"
+            warnings.warn(f"interrupted at {reached}: the trajectory {ends}", RobodynWarning, stacklevel=2)
         except SimulationError as error:
             failure = error
         except ModelError as error:
-            failure = SimulationError(f"at t={integration.reached:.9g} s: {error}")
+            failure = SimulationError(f"at t={integration.reached:.9g} s: {error}{advice(method, dt)}")
 
     stats = {
         "method": method,
@@ -104,9 +109,9 @@ def simulate(
         **({"rtol": rtol, "atol": atol} if METHODS[method].adaptive else {"dt": dt}),
         **integration.counts,
         "wall_time": time.perf_counter() - started,
-        "completed": integration.reached == t_end,
+        "completed": integration.completed,
     }
-    t, x = np.array(integration.times), np.array(integration.states).reshape(-1, len(x0))
+    t, x = integration.results
     trajectory = _finished(scene, t, x, integration.sampling, formalism, backend, stats)
     if failure is None and len(trajectory.t) < len(t):
         failure = SimulationError(f"after t={trajectory.t[-1]:.6g} s the states mean nothing: the integration is unstable. Reduce dt")
@@ -128,13 +133,40 @@ class Integration:
     method: str
     formalism: str
     settings: dict[str, float]  # rtol, atol, dt
-    times: Sequence[float] | Array = field(default_factory=list)
-    states: Sequence[Array] | Array = field(default_factory=list)
-    counts: dict[str, int] = field(default_factory=lambda: {"steps": 0, "rejected": 0, "evaluations": 0})
 
     def __post_init__(self) -> None:
         self.sampling = Sampling(self.scene, self.t0, self.t_end)
-        self.reached, self.x = self.t0, self.x0
+        self.x = self.x0
+        # What Ctrl-C may come in between of is one list or one number: nothing has to fit another.
+        starts = self.wanted is None or self.wanted[0] == self.t0
+        self._kept: list[tuple[float, Array]] = [(self.t0, self.x0)] if starts else []
+        self._t, self._counts = self.t0, {"steps": 0, "rejected": 0, "evaluations": 0}
+        self._natively = False
+
+    @property
+    def results(self) -> tuple[Array, Array]:
+        """Times (n,) and states (n, nx), as far as they go."""
+        if self._natively and self.wanted is not None:
+            states = self.native_run.results[:, :, 0]
+            return self.wanted[: len(states)].copy(), states.copy()
+        kept = list(self._kept)
+        return np.array([t for t, _ in kept]), np.array([x for _, x in kept]).reshape(-1, len(self.x0))
+
+    @property
+    def reached(self) -> float:
+        """The time [s] that the integration has come to."""
+        return self.native_run.t if self._natively else self._t
+
+    @property
+    def completed(self) -> bool:
+        """Whether there is the last result, which is that at t_end."""
+        t, _ = self.results
+        return bool(len(t)) and float(t[-1]) == self.t_end
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Steps, rejected steps, evaluations."""
+        return self.native_run.counts if self._natively else self._counts
 
     @cached_property
     def native_run(self) -> native.Run:
@@ -151,12 +183,11 @@ class Integration:
 
     def keep(self, t: float, x: Array) -> None:
         """One result more."""
-        self.times.append(t)  # type: ignore[union-attr]
-        self.states.append(x)  # type: ignore[union-attr]
+        self._kept.append((t, x))
 
     def rhs(self, t: float, x: Array, backend: str) -> Array:
         """ẋ (nx,)."""
-        self.counts["evaluations"] += 1
+        self._counts["evaluations"] += 1
         q, v = self.coordinates(x)
         try:
             got = self.scene.evaluator.ask(Evolution(self.formalism), backend, t=t, q=q, v=v, tau=self.sampling.held)
@@ -182,10 +213,9 @@ class Integration:
         nq = self.scene.robot.nq
         return np.concatenate([self.scene.equations().project(x[:nq]), x[nq:]])
 
-    def reach(self, t: float, report: Progress) -> None:
-        """The integration has come to t."""
-        self.reached = t
-        report((t - self.t0) / (self.t_end - self.t0))
+    def share(self) -> float:
+        """How much of the span is done."""
+        return (self.reached - self.t0) / (self.t_end - self.t0)
 
     def steps(self, start: float, end: float, backend: str, first_step: float | None = None) -> Iterator[Step]:
         """Steps in Python from the state reached, over a span of time without a break."""
@@ -203,12 +233,10 @@ class Integration:
     def run_in_python(self, backend: str, report: Progress) -> None:
         """Steps in Python, on a right-hand side of either backend."""
         wanted = self.wanted
-        if wanted is None or wanted[0] == self.t0:
-            self.keep(self.t0, self.x0)
         first_step = None
         for start, end in self.spans():
             for step in self.steps(start, end, backend, first_step):
-                self.counts["steps"] += 1
+                self._counts["steps"] += 1
                 if wanted is None:
                     self.keep(step.t, step.x)
                 else:
@@ -217,31 +245,24 @@ class Integration:
                         self.keep(float(t), self.project(x))
                     if step.t in wanted:
                         self.keep(step.t, step.x)
-                self.x, first_step = step.x, step.h
-                self.reach(step.t, report)
+                self.x, first_step, self._t = step.x, step.h, step.t
+                report(self.share())
 
     def run_natively(self, report: Progress) -> None:
         """Steps in native code, a slice of time between two looks at the keyboard."""
         run, wanted = self.native_run, self.wanted
-        self.x = run.x[:, 0]
-        if wanted is None:
-            self.keep(self.t0, self.x0)
-        try:
-            for _, end in self.spans():
-                run.head_for(end, held=self.sampling.held)
-                status = None
-                while status != DONE:
-                    before = self.reached
-                    status = run.step() if wanted is None else run.slice()
-                    if wanted is None and run.t > before:
-                        self.keep(run.t, run.x[:, 0].copy())
-                    self.reach(run.t, report)
-                    if status in (STEP_TOO_SMALL, NOT_FINITE):
-                        raise SimulationError(self._cause(run, end, status))
-        finally:
-            self.counts = run.counts
-            if wanted is not None:
-                self.times, self.states = wanted[: len(run.results)], run.results[:, :, 0]
+        self._natively, self.x = True, run.x[:, 0]
+        for _, end in self.spans():
+            run.head_for(end, held=self.sampling.held)
+            status = None
+            while status != DONE:
+                before = run.t
+                status = run.step() if wanted is None else run.slice()
+                if wanted is None and run.t > before:
+                    self.keep(run.t, run.x[:, 0].copy())
+                report(self.share())
+                if status in (STEP_TOO_SMALL, NOT_FINITE):
+                    raise SimulationError(self._cause(run, end, status))
 
     def _cause(self, run: native.Run, end: float, status: int) -> str:
         """Why native code cannot go on, with the joint or the load where NumPy's formalism can name it."""
@@ -251,13 +272,19 @@ class Integration:
             for _ in self.steps(run.t, end, "numpy", h or None):  # where a stage of the step fails, so does this one
                 pass
         except ModelError as error:
-            return f"{f'at t={run.t:.9g} s' if h else f'the step size went to zero at t={run.t:.9g} s'}: {error}"
+            where = f"at t={run.t:.9g} s" if h else f"the step size went to zero at t={run.t:.9g} s"
+            return f"{where}: {error}{advice(self.method, self.settings['dt'])}"
         if status == STEP_TOO_SMALL:
             return too_small(run.t)
         return (
             f"after t={run.t:.9g} s the state stopped being finite, or a joint showed no inertia within the next step: "
             "reduce dt, or look for loads that grow without bound"
         )
+
+
+def advice(method: str, dt: float) -> str:
+    """What else may help where equal steps came to a state that has no derivative."""
+    return "" if METHODS[method].adaptive else f". If the motion itself is smooth, dt={dt:g} s is too large, or method='radau' is needed"
 
 
 def _finished(scene: Scene, t: Array, x: Array, sampling: Sampling, formalism: str, backend: str, stats: dict[str, Any]) -> Trajectory:

@@ -47,8 +47,8 @@ class Sampling:
                 following = min(following, self._t0 + counts[i] * load.dt)
             if self._loads:
                 self.held = sum(self._each[1:], self._each[0])
+                self._values.frombytes(self.held.tobytes())  # before its instant: Ctrl-C may come in between
                 self._times.append(t)
-                self._values.frombytes(self.held.tobytes())
             # No sample at t_end: a simulation that goes on from there begins with it.
             following = following if following < self._t_end - self._rounding else self._t_end
             yield t, following
@@ -63,7 +63,10 @@ class Sampling:
             raise SimulationError(f"the sampled control law raised {type(error).__name__} at t={t:.9g} s: {error}") from error
 
     def at(self, times: Array) -> Array | None:
-        """What was held (n, nv) at times (n,) that were reached; at an instant, what was answered there. None: nothing is sampled."""
+        """What was held (n, nv) at times (n,) that were reached; at an instant, what was answered there. None: nothing is sampled.
+
+        Where Ctrl-C came before the answer, what was held until then.
+        """
         if not self._loads:
             return None
         if not len(self._times):

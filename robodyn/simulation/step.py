@@ -34,6 +34,15 @@ def step_count(t0: float, t_end: float, dt: float) -> int:
     return max(1, math.ceil((t_end - t0 - resolution(t0, t_end)) / dt * (1 - 1e-12)))
 
 
+def step_times(t0: float, t_end: float, dt: float) -> Array:
+    """t0 and the end of every step, to the bit as native code has them: t0 + k h rounded once, and t_end."""
+    n = step_count(t0, t_end, dt)
+    (a, c), (b, d) = t0.as_integer_ratio(), ((t_end - t0) / n).as_integer_ratio()
+    whole = max(c, d)  # both are powers of two; a quotient of integers is rounded once
+    a, b = a * (whole // c), b * (whole // d)
+    return np.array([(a + k * b) / whole for k in range(n)] + [t_end])
+
+
 def equal_steps(t0: float, t_end: float, dt: float) -> Iterator[tuple[float, float, float]]:
     """Start, end and length of each step; the last one ends at t_end."""
     n = step_count(t0, t_end, dt)

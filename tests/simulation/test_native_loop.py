@@ -109,6 +109,43 @@ def test_without_frames_every_step_is_kept_whoever_simulates(moving, method, t0,
     assert np.array_equal(ends.q[0], alone.q[-1:])
 
 
+def test_ends_of_steps_are_rounded_once():
+    from fractions import Fraction
+
+    from robodyn.simulation.step import step_count, step_times
+
+    for t0, t_end, dt in ((0.1, 7.3, 0.01), (-1e9, -1e9 + 1.0, 1e-2), (1e-300, 1.0, 0.1)):
+        n = step_count(t0, t_end, dt)
+        h = Fraction((t_end - t0) / n)
+        assert step_times(t0, t_end, dt).tolist() == [float(Fraction(t0) + k * h) for k in range(n)] + [t_end]
+
+
+def test_many_trajectories_need_unit_quaternions(moving):
+    scene, q, _ = moving
+    with pytest.raises(rd.InputError, match=r"quaternion|Euler"):
+        rd.simulate_many(scene, q0=np.stack([q, 1.1 * q]), t_end=0.01)
+
+
+def test_a_step_that_is_too_large_is_told_to_be_so():
+    stiff = rd.Scene(rd.load(rods()), loads=[rd.JointDamping({"hinge": 1e5})])
+    for run in (partial(rd.simulate, method="rk4"), rd.simulate_many):
+        with pytest.raises(rd.SimulationError, match=r"dt=0\.001 s is too large, or method='radau'"):
+            run(stiff, q0=[1.0], v0=[1.0], t_end=1.0, dt=1e-3)
+
+
+def test_threads_that_need_the_same_step_loop_compile_it_once(monkeypatch):
+    c = case(3, n=3)
+    scene, compiled = rd.Scene(c.robot), []
+    module = integrate.module
+    monkeypatch.setattr(integrate, "module", lambda *arguments: (compiled.append(1), module(*arguments))[1])
+    workers = [threading.Thread(target=native.compiled, args=(scene.evaluator, "rk4", "auto", 1)) for _ in range(4)]
+    for worker in workers:
+        worker.start()
+    for worker in workers:
+        worker.join()
+    assert len(compiled) == 1
+
+
 def test_too_many_steps_to_keep_are_refused_before_they_are_made():
     with pytest.raises(rd.InputError, match=r"steps are too many to keep.*times=\[t_end\]"):
         rd.simulate_many(rd.load(rods()), t_end=1e6, fps=None)
