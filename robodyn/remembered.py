@@ -28,7 +28,7 @@ def route(
     bodies = [(link.name, link.inertia) for link in robot.links]
     try:
         key = _content((source(Path(__file__).parent), question, gravity, loads, bodies, robot.joints))
-    except (pickle.PicklingError, AttributeError, TypeError):
+    except (pickle.PicklingError, AttributeError, TypeError):  # the last two: what is defined inside a function, or has no pickle
         return find()
     name = disk.key("route", hashlib.sha256(key).hexdigest())
     if (known := (disk.get(name) or b"").decode(errors="replace")) in routes:

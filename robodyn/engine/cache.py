@@ -1,7 +1,7 @@
-"""Machine code that was compiled before, in the user's cache directory.
+"""Machine code that was compiled before, and what else was found out at some cost, in the user's cache directory.
 
-An entry is found by a hash of everything that shapes it: the IR, LLVM's version, the CPU and its features, the options. It is loaded
-only from a folder that is the user's own, and only if its content is whole; everything else is compiled anew.
+An entry is found by a hash of everything that shapes it; of code: the IR, LLVM's version, the CPU and its features, the options. It is
+loaded only from a folder that is the user's own, and only if its content is whole; everything else is compiled, or found, anew.
 """
 
 import contextlib
@@ -48,7 +48,7 @@ def key(*parts: str) -> str:
 
 
 def get(name: str) -> bytes | None:
-    """The entry's code; None where there is none, or it is damaged or foreign."""
+    """The entry's content; None where there is none, or it is damaged or foreign."""
     if (path := folder()) is None:
         return None
     try:

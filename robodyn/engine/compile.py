@@ -12,7 +12,7 @@ from ..arithmetic import Array
 from ..errors import MissingPackageError
 
 _lock = threading.RLock()  # LLVM's context is one for the process
-_held: list[Any] = []  # llvmlite's own lock, once it is there: every call of it and every object's end takes that
+_held: list[Any] = []  # llvmlite's own lock, once it is there: every call, and every object's end, takes that; it has no public name
 
 
 @cache

@@ -58,7 +58,7 @@ def simulate(
     A step ends wherever a `Sampled` controller is asked; `a` and `u` are those under the forces it held.
     backend: "native" (the step loop is compiled) or "numpy". progress: True for a bar on the terminal, or a function of the share done.
 
-    Ctrl-C returns what has been computed, with a warning; `trajectory.completed` is then False.
+    Ctrl-C returns what has been computed, with a warning; `trajectory.completed` is then False, unless all was there.
     Raises InputError for bad arguments; SimulationError where the integration cannot go on, with what has been computed as its
     attribute `trajectory`; ModelError where the motion is undetermined from the start.
     """
@@ -149,8 +149,7 @@ class Integration:
         if self._natively and self.wanted is not None:
             states = self.native_run.results[:, :, 0]
             return self.wanted[: len(states)].copy(), states.copy()
-        kept = list(self._kept)
-        return np.array([t for t, _ in kept]), np.array([x for _, x in kept]).reshape(-1, len(self.x0))
+        return np.array([t for t, _ in self._kept]), np.array([x for _, x in self._kept]).reshape(-1, len(self.x0))
 
     @property
     def reached(self) -> float:
@@ -160,8 +159,9 @@ class Integration:
     @property
     def completed(self) -> bool:
         """Whether there is the last result, which is that at t_end."""
-        t, _ = self.results
-        return bool(len(t)) and float(t[-1]) == self.t_end
+        if self._natively and self.wanted is not None:
+            return len(self.native_run.results) == len(self.wanted)
+        return bool(self._kept) and self._kept[-1][0] == self.t_end
 
     @property
     def counts(self) -> dict[str, int]:
