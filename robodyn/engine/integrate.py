@@ -57,7 +57,8 @@ def module(method: Method, rhs: Program | Looped, project: Program | Looped | No
     """IR text with `i64 @advance(ptr header, ptr x, ptr k, ptr held, ptr times, i64 ntimes, ptr out, i64 budget)`.
 
     header: see HEADER. x: nx entries; k: room for `room(…)` entries; held: the rhs's input of that name, where it has one;
-    out: ntimes × nx. An entry is a double, or `lanes` of them.
+    out: ntimes × nx. An entry is a double, or `lanes` of them. Negative ntimes: the ends of steps go to times and out, which the steps
+    fill one by one from row `next` on; `advance` pauses where −ntimes of them are full.
 
     And `i64 @advance_each(…, i64 count)`: the same for `count` headers, x and out, one behind the other, each until it is done. Returns
     how many are done, times STATUSES, plus the status of the one that is not.
@@ -325,7 +326,10 @@ class _Writer:
 
         left = c.variable("i64", "%budget")
         with c.repeat(lambda: c.value(f"fcmp olt double {self.number('t')}, {self.number('t_end')}")):
-            with c.when(c.value(f"icmp sle i64 {c.get('i64', left)}, 0")):
+            full = c.binary(
+                "and", "i1", self._recording(), c.value(f"icmp sge i64 {self._row()}, {c.binary('sub', 'i64', '0', '%ntimes')}")
+            )
+            with c.when(c.binary("or", "i1", full, c.value(f"icmp sle i64 {c.get('i64', left)}, 0"))):
                 self._keep()
                 c.leave("i64", str(PAUSED))
             c.set("i64", left, c.binary("sub", "i64", c.get("i64", left), "1"))
@@ -470,9 +474,8 @@ class _Writer:
             c.leave("i64", str(NOT_FINITE))
         prepared = c.variable("i1", "false")
         with c.when(c.value("icmp sgt i64 %ntimes, 0")), c.repeat(lambda: self._wanted(t_new)):
-            i = c.value(f"fptosi double {self.number('next')} to i64")
-            time = c.get("double", c.at("double", "%times", i))
-            row = c.at(self.t.float, "%out", c.binary("mul", "i64", i, str(self.nx)))
+            time = c.get("double", c.at("double", "%times", self._row()))
+            row = self._place()
             at_end = c.value(f"fcmp oge double {time}, {t_new}")
             with c.when(at_end):
                 self.copy(self.xnew, row)
@@ -485,16 +488,31 @@ class _Writer:
                 self._between(part, h, row)
                 self.projected(row)
             self.count("next")
+        with c.when(self._recording()):
+            c.set("double", c.at("double", "%times", self._row()), t_new)
+            self.copy(self.xnew, self._place())
+            self.count("next")
         self.copy(self.xnew, "%x")
         if self.m.errors:
             self.each(lambda i: self.store(self.load("%k", i, self.s), "%k", i))
         self.put("t", t_new)
         self.count("steps")
 
+    def _recording(self) -> str:
+        """i1: every step is kept."""
+        return self.code.value("icmp slt i64 %ntimes, 0")
+
+    def _row(self) -> str:
+        """i64: the first row of times and out that is not yet reached."""
+        return self.code.value(f"fptosi double {self.number('next')} to i64")
+
+    def _place(self) -> str:
+        """That row of out."""
+        return self.code.at(self.t.float, "%out", self.code.binary("mul", "i64", self._row(), str(self.nx)))
+
     def _wanted(self, t_new: str) -> str:
         """i1: there is an output time left, and it lies within the step."""
-        c = self.code
-        i = c.value(f"fptosi double {self.number('next')} to i64")
+        c, i = self.code, self._row()
         more = c.value(f"icmp slt i64 {i}, %ntimes")
         safe = c.value(f"select i1 {more}, i64 {i}, i64 0")
         inside = c.value(f"fcmp ole double {c.get('double', c.at('double', '%times', safe))}, {t_new}")

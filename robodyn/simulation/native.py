@@ -21,6 +21,8 @@ from .step import step_count
 _PLACE = {name: i for i, name in enumerate(integrate.HEADER)}
 _compiling = lock()  # LLVM works for one thread at a time anyway
 SLICE = 0.05  # seconds of native code between two looks at the keyboard
+RECORD = (1024, 10**5)  # steps, and numbers, up to which every step is kept before Python takes them over
+MOST_STEPS = 10**9  # in a slice
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,11 +61,16 @@ def compiled(evaluator: Evaluator, method: str, formalism: str, lanes: int, *, h
 
 
 class Run:
-    """An integration from x0 (nx, lanes) at t0, with results at `times`: `head_for` an end, then `slice` until it is reached."""
+    """An integration from x0 (nx, lanes) at t0, with results at `times`: `head_for` an end, then `slice` until it is reached.
 
-    def __init__(self, advance: Advance, x0: Array, t0: float, times: Array, settings: dict[str, float]) -> None:
-        self._advance, self._times, self._dt = advance, np.ascontiguousarray(times, dtype=float), settings["dt"]
-        nx, lanes, n = advance.nx, advance.lanes, len(times)
+    Without times, with the end of every step as a result: `taken` from time to time, for there is room for some of them only.
+    """
+
+    def __init__(self, advance: Advance, x0: Array, t0: float, times: Array | None, settings: dict[str, float]) -> None:
+        nx, lanes, self._advance, self._dt = advance.nx, advance.lanes, advance, settings["dt"]
+        most, numbers = RECORD
+        self._times = np.zeros(max(1, min(most, numbers // nx))) if times is None else np.ascontiguousarray(times, dtype=float)
+        n = len(self._times)
         # One allocation: a short run takes about as long as a few of them.
         shapes = {
             "header": (len(_PLACE),),
@@ -79,13 +86,13 @@ class Run:
         views = {name: memory[places[name] : places[name] + math.prod(shape)].reshape(shape) for name, shape in shapes.items()}
         header, self._x, _, self._held, self._out = views.values()
         self._header: Any = header.data  # looked at in every sample: a memoryview is faster than an array
-        reached = int(np.count_nonzero(self._times <= t0))  # outputs at the start are the start
+        reached = 0 if times is None else int(np.count_nonzero(self._times <= t0))  # outputs at the start are the start
         header[:] = _header(t=t0, t0=t0, t_end=t0, rtol=settings["rtol"], atol=settings["atol"], next=reached)
         self._x[:] = self._out[:reached] = x0
         self._budget, self._steps = 64, 0
         address = memory.ctypes.data
         pointers = [address + 8 * places[name] for name in shapes]
-        self._arguments = (*pointers[:4], self._times.ctypes.data, n, pointers[4])
+        self._arguments = (*pointers[:4], self._times.ctypes.data, -n if times is None else n, pointers[4])
 
     def _number(self, name: str) -> float:
         return self._header[_PLACE[name]]
@@ -120,12 +127,8 @@ class Run:
         status = self._advance.function(*self._arguments, self._budget)
         if status == integrate.PAUSED:
             took = time.perf_counter() - started
-            self._budget = int(np.clip(self._budget * SLICE / max(took, 1e-6), 1, 4 * self._budget))
+            self._budget = int(np.clip(self._budget * SLICE / max(took, 1e-6), 1, min(4 * self._budget, MOST_STEPS)))
         return status
-
-    def step(self) -> int:
-        """One attempt at a step."""
-        return self._advance.function(*self._arguments, 1)
 
     @property
     def t(self) -> float:
@@ -146,6 +149,15 @@ class Run:
     def results(self) -> Array:
         """States (k, nx, lanes) at the times that were reached."""
         return self._out[: int(self._number("next"))]
+
+    @property
+    def recorded(self) -> tuple[Array, Array]:
+        """Without times: the ends of steps (k,) and the states (k, nx, lanes) there since the last `taken`."""
+        return self._times[: len(self.results)], self.results
+
+    def taken(self) -> None:
+        """What was recorded makes room."""
+        self._put("next", 0.0)
 
     @property
     def counts(self) -> dict[str, int]:

@@ -23,10 +23,9 @@ from . import native
 from .methods import METHODS
 from .sampling import Sampling
 from .scipy_steps import too_small
-from .step import Step, resolution, step_count, step_times
+from .step import Step, resolution
 from .trajectory import Trajectory
 
-KNOWN_STEPS = 1e6  # equal steps up to which their ends are computed beforehand where all are kept: native code then makes many at a time
 MOST_FRAMES = 1e8  # results of one trajectory: beyond this memory runs out first
 
 Progress = Callable[[float], None]  # called with the simulated share of the time span, 0…1
@@ -83,9 +82,6 @@ def simulate(
     inputs.unit_quaternions(scene.equations().side_conditions(state["q0"]))
     x0 = np.concatenate([scene.equations().project(state["q0"]), state["v0"], [0.0]])
     in_native_code = backend == "native" and METHODS[method].tableau is not None and scene.evaluator.compiles_steps(formalism)
-    known = in_native_code and not METHODS[method].adaptive and not scene.sampled and step_count(t0, t_end, dt) < KNOWN_STEPS
-    if wanted is None and known:
-        wanted = step_times(t0, t_end, dt)
     integration = Integration(scene, t0, t_end, x0, wanted, method, formalism, {"rtol": rtol, "atol": atol, "dt": dt})
     with _reporter(progress, "compiling" if in_native_code else "simulating") as report:
         if not (in_native_code and integration.starts_natively()):
@@ -138,8 +134,9 @@ class Integration:
         self.sampling = Sampling(self.scene, self.t0, self.t_end)
         self.x = self.x0
         # What Ctrl-C may come in between of is one list or one number: nothing has to fit another.
-        starts = self.wanted is None or self.wanted[0] == self.t0
-        self._kept: list[tuple[float, Array]] = [(self.t0, self.x0)] if starts else []
+        self._kept: list[tuple[Array, Array]] = []  # times (k,) and states (k, nx)
+        if self.wanted is None or self.wanted[0] == self.t0:
+            self.keep(self.t0, self.x0)
         self._t, self._counts = self.t0, {"steps": 0, "rejected": 0, "evaluations": 0}
         self._natively = False
 
@@ -149,7 +146,9 @@ class Integration:
         if self._natively and self.wanted is not None:
             states = self.native_run.results[:, :, 0]
             return self.wanted[: len(states)].copy(), states.copy()
-        return np.array([t for t, _ in self._kept]), np.array([x for _, x in self._kept]).reshape(-1, len(self.x0))
+        self._take_over()
+        times, states = zip(*self._kept, strict=True) if self._kept else ((), ())
+        return np.concatenate([np.zeros(0), *times]), np.concatenate([np.zeros((0, len(self.x0))), *states])
 
     @property
     def reached(self) -> float:
@@ -161,7 +160,8 @@ class Integration:
         """Whether there is the last result, which is that at t_end."""
         if self._natively and self.wanted is not None:
             return len(self.native_run.results) == len(self.wanted)
-        return bool(self._kept) and self._kept[-1][0] == self.t_end
+        self._take_over()
+        return bool(self._kept) and bool(self._kept[-1][0][-1] == self.t_end)
 
     @property
     def counts(self) -> dict[str, int]:
@@ -172,7 +172,7 @@ class Integration:
     def native_run(self) -> native.Run:
         """The compiled step loop, at the start."""
         advance = native.compiled(self.scene.evaluator, self.method, self.formalism, lanes=1, held=bool(self.sampling))
-        return native.Run(advance, self.x0[:, None], self.t0, np.zeros(0) if self.wanted is None else self.wanted, self.settings)
+        return native.Run(advance, self.x0[:, None], self.t0, self.wanted, self.settings)
 
     def starts_natively(self) -> bool:
         """Whether native code finds an ẋ to be trusted at the start."""
@@ -183,7 +183,16 @@ class Integration:
 
     def keep(self, t: float, x: Array) -> None:
         """One result more."""
-        self._kept.append((t, x))
+        self._kept.append((np.array([t]), x[None]))
+
+    def _take_over(self) -> None:
+        """Every step that native code has made since the last time; none twice where Ctrl-C came in between."""
+        if self._natively and self.wanted is None:
+            t, x = self.native_run.recorded
+            new = t > self._kept[-1][0][-1]
+            if new.any():
+                self._kept.append((t[new], x[new, :, 0]))
+            self.native_run.taken()
 
     def rhs(self, t: float, x: Array, backend: str) -> Array:
         """ẋ (nx,)."""
@@ -250,16 +259,14 @@ class Integration:
 
     def run_natively(self, report: Progress) -> None:
         """Steps in native code, a slice of time between two looks at the keyboard."""
-        run, wanted = self.native_run, self.wanted
+        run = self.native_run
         self._natively, self.x = True, run.x[:, 0]
         for _, end in self.spans():
             run.head_for(end, held=self.sampling.held)
             status = None
             while status != DONE:
-                before = run.t
-                status = run.step() if wanted is None else run.slice()
-                if wanted is None and run.t > before:
-                    self.keep(run.t, run.x[:, 0].copy())
+                status = run.slice()
+                self._take_over()
                 report(self.share())
                 if status in (STEP_TOO_SMALL, NOT_FINITE):
                     raise SimulationError(self._cause(run, end, status))

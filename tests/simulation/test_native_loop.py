@@ -77,6 +77,25 @@ def test_every_step_natively(moving):
     assert run.t[-1] == 0.3
 
 
+@pytest.mark.parametrize("method", ["dop853", "rk4"])
+def test_every_step_is_kept_without_python_in_the_loop(moving, method, monkeypatch):
+    """Some hundred steps in a few calls of native code; where there is room for three at a time, the same ones."""
+    scene, q, v = moving
+    runs, calls, advance = [], [], native.Run.slice
+    monkeypatch.setattr(native.Run, "slice", lambda run: (calls.append(1), advance(run))[1])
+    for record in (native.RECORD, (3, 10**5), (1024, 1)):
+        monkeypatch.setattr(native, "RECORD", record)
+        calls.clear()
+        runs.append(rd.simulate(scene, t_end=2.0, q0=q, v0=v, method=method, dt=1e-2, fps=None))
+        steps = runs[-1].stats["steps"]
+        assert steps > 100
+        assert len(calls) < 10 if len(runs) == 1 else steps / 3 <= len(calls) <= steps + 5
+    for run in runs[1:]:
+        assert np.array_equal(run.t, runs[0].t)
+        assert np.array_equal(run.q, runs[0].q)
+        assert np.array_equal(run.work, runs[0].work)
+
+
 def test_many_trajectories_have_the_bits_of_one(moving):
     scene, _, v = moving
     rng = np.random.default_rng(0)
@@ -222,9 +241,9 @@ def test_a_pause_after_every_step_changes_no_bit(moving, method, lanes):
         settings = {"dt": 1e-3, "rtol": 1e-9, "atol": 1e-9}
         run = native.Run(native.compiled(scene.evaluator, method, "auto", lanes), x0, 0.0, np.linspace(0.0, 0.1, 77), settings)
         run.head_for(0.1)
-        run._budget, pauses = budget, 0
-        while run.step() if budget == 1 else run.slice():
-            pauses += 1
+        pauses, run._budget = 0, budget
+        while run.slice():
+            pauses, run._budget = pauses + 1, budget
         assert (pauses > 5) == (budget == 1)
         found.append((run.results.copy(), run.x.copy(), run.counts))
     assert np.array_equal(found[0][0], found[1][0])

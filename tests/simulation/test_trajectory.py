@@ -23,6 +23,7 @@ import robodyn as rd
 from robodyn.joints import Fixed, Prismatic, Revolute
 from robodyn.model import GROUND, Inertia, Joint, Link, Mesh
 from robodyn.records import to_json
+from robodyn.simulation import native
 
 ROBOTS = Path(__file__).parents[2] / "robots"
 X, Y, Z = np.eye(3)
@@ -664,8 +665,9 @@ def stopping(after):
 
 @pytest.mark.parametrize("method", ["dop853", "rk4", "radau"])
 @pytest.mark.parametrize(("fps", "backend"), [(50, "numpy"), (None, "numpy"), (None, "native")])
-def test_ctrl_c_keeps_what_has_been_computed(method, fps, backend, tmp_path):
+def test_ctrl_c_keeps_what_has_been_computed(method, fps, backend, tmp_path, monkeypatch):
     """A warning with the time, `completed` False, states that are those of the whole run; reactions and files work as ever."""
+    monkeypatch.setattr(native, "RECORD", (3, 10**5))  # short runs would be over before Python comes in between
     robot = rd.load(ROBOTS / "pendulum.urdf")
     options = {"t_end": 2.0, "q0": [1.0], "method": method, "dt": 0.02, "fps": fps, "rtol": 1e-6, "backend": backend}
     whole = rd.simulate(robot, **options)
@@ -688,8 +690,9 @@ def test_ctrl_c_keeps_what_has_been_computed(method, fps, backend, tmp_path):
 @pytest.mark.filterwarnings("ignore:interrupted")
 @pytest.mark.parametrize("sampled", [False, True])
 @pytest.mark.parametrize(("method", "fps", "backend"), [("rk4", 60, "native"), ("dop853", None, "native"), ("rk4", None, "numpy")])
-def test_ctrl_c_at_any_line_leaves_a_whole_trajectory_or_none(method, fps, backend, sampled):
+def test_ctrl_c_at_any_line_leaves_a_whole_trajectory_or_none(method, fps, backend, sampled, monkeypatch):
     """An interrupt at each line of the integration in turn: arrays fit one another, and `completed` says what is there."""
+    monkeypatch.setattr(native, "RECORD", (3, 10**5))
     folder = os.path.join("robodyn", "simulation")
     robot = rd.load(ROBOTS / "pendulum.urdf")
     scene = rd.Scene(robot, loads=[rd.Sampled(lambda t, q, v: -v, 0.02)] * sampled)
