@@ -1,11 +1,12 @@
 """Work shared among threads."""
 
+import gc
 import multiprocessing
 import threading
 
 import pytest
 
-from robodyn.processes import together
+from robodyn.processes import together, without_collections
 
 
 def test_work_is_shared_and_the_first_share_is_the_callers():
@@ -47,6 +48,23 @@ def test_the_caller_hears_of_a_failure_while_at_work():
 
     with pytest.raises(ZeroDivisionError):
         together(work, 2, stop.set)
+
+
+@pytest.mark.parametrize("enabled", [True, False])
+def test_the_search_for_garbage_is_left_as_it_was(enabled):
+    def failing():
+        assert not gc.isenabled()
+        raise ZeroDivisionError
+
+    (gc.enable if enabled else gc.disable)()
+    try:
+        assert without_collections(gc.isenabled)() is False
+        assert gc.isenabled() == enabled
+        with pytest.raises(ZeroDivisionError):
+            without_collections(failing)()
+        assert gc.isenabled() == enabled
+    finally:
+        gc.enable()
 
 
 def test_a_forked_child_has_threads_of_its_own():

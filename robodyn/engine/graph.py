@@ -511,9 +511,8 @@ class Scalar(Traced):
         if isinstance(other, np.ndarray):
             return NotImplemented
         y = self.graph.lift(other)
-        rest = self.fmod(y)
-        other_sign = (rest < 0.0) & (y > 0.0) | (rest > 0.0) & (y < 0.0)
-        return (rest == 0.0).select(0.0, other_sign.select(rest + y, rest))
+        rest, beyond = self._divided(y)
+        return (rest == 0.0).select(0.0, beyond.select(rest + y, rest))
 
     def __rmod__(self, other: object) -> "Scalar":
         return NotImplemented if isinstance(other, np.ndarray) else self.graph.lift(other) % self
@@ -523,7 +522,14 @@ class Scalar(Traced):
         if isinstance(other, np.ndarray):
             return NotImplemented
         y = self.graph.lift(other)
-        return ((self - self % y) / y).rint()
+        rest, beyond = self._divided(y)
+        whole = ((self - rest) / y).rint()
+        return (y == 0.0).select(self / y, beyond.select(whole - 1.0, whole))
+
+    def _divided(self, y: "Scalar") -> tuple["Scalar", Condition]:
+        """What division by y towards zero leaves, and whether the whole number below is another, as the signs differ."""
+        rest = self.fmod(y)
+        return rest, (rest < 0.0) & (y > 0.0) | (rest > 0.0) & (y < 0.0)
 
     def __rfloordiv__(self, other: object) -> "Scalar":
         return NotImplemented if isinstance(other, np.ndarray) else self.graph.lift(other) // self

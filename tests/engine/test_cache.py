@@ -50,6 +50,9 @@ def test_what_shapes_the_code_is_in_the_key(folder, monkeypatch):
     monkeypatch.setattr(kernels, "OPTIONS", "others")
     value(3.0)
     assert cache.usage()[0] == 4
+    monkeypatch.setattr(kernels, "version", lambda: ("another", "LLVM"))
+    value(3.0)
+    assert cache.usage()[0] == 5
 
 
 def test_entries_are_private(folder):
@@ -86,6 +89,13 @@ def test_a_folder_that_others_can_write_is_not_trusted(folder):
     assert cache.folder() is None
     assert value(3.0) == 6.0
     assert not list(folder.iterdir())
+
+
+def test_a_folder_of_someone_else_is_not_trusted(folder, monkeypatch):
+    value(3.0)
+    monkeypatch.setattr(os, "getuid", lambda: os.geteuid() + 1)
+    assert cache.folder() is None
+    assert value(3.0) == 6.0
 
 
 def test_off(monkeypatch, tmp_path):

@@ -182,6 +182,10 @@ def test_remainders_are_numpys(name):
     found, bad = k((len(xs),), {"x": xs})
     assert bad == -1
     assert np.array_equal(found["y"][:, 0], getattr(np, name)(*xs.T))
+    for special in ([x, y] for x in SPECIAL for y in SPECIAL):
+        with np.errstate(all="ignore"):
+            expected = getattr(np, name)(*special)
+        assert np.array_equal(k((1,), {"x": np.array([special])})[0]["y"].item(), expected, equal_nan=True), special
 
 
 def test_special_pairs_where_numpy_differs():

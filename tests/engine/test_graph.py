@@ -74,6 +74,14 @@ def test_folds(xy, fold):
     assert graph.lift(found).number == graph.lift(expected).number
 
 
+def test_what_does_not_fold(xy):
+    """A NaN is not ≤ itself, and −0 is another number than 0."""
+    graph, x, _ = xy
+    for kept in (np.where(x <= x, 1.0, 0.0), np.where(x == x, 1.0, 0.0), np.where(x > 0.0, 0.0, -0.0)):
+        assert graph.lift(kept).node[0] == "select"
+    assert graph.constant(0.0).number != graph.constant(-0.0).number
+
+
 def test_folds_are_true_of_numbers():
     """Random expressions of the foldable operations: the traced kernel computes what floats compute, up to fused roundings."""
     rng = np.random.default_rng(0)
