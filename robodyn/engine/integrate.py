@@ -402,7 +402,8 @@ class _Writer:
             self.evaluate(t_new, self.xnew, self.s)
         error = self._error(h)
 
-        # h_new = h · 0.9 · error^(−1/(q + 1)), within 0.2 … 10, and no growth right after a rejection. A NaN counts as a rejection.
+        # h_new = h · 0.9 · error^(−1/(q + 1)), within 0.2 … 10, and no growth right after a rejection. A NaN counts as a rejection:
+        # no comparison holds for it, and of it and another number maxnum gives the other.
         power = c.value(f"call double @llvm.pow.f64(double {error}, double {_hex(-1.0 / (m.order + 1))})")
         factor = c.binary("fmul", "double", power, _hex(SAFETY))
         shrink = self.number("shrink")
@@ -410,8 +411,6 @@ class _Writer:
         ceiling = c.value(f"select i1 {c.value(f'fcmp ogt double {shrink}, {_hex(0.0)}')}, double {_hex(1.0)}, double {_hex(GROW)}")
         ceiling = c.value(f"select i1 {good}, double {ceiling}, double {_hex(1.0)}")
         factor = c.call("double", "llvm.minnum.f64", c.call("double", "llvm.maxnum.f64", factor, _hex(SHRINK)), ceiling)
-        known = c.value(f"fcmp ord double {error}, {_hex(0.0)}")
-        factor = c.value(f"select i1 {known}, double {factor}, double {_hex(SHRINK)}")
         self.put("shrink", c.value(f"select i1 {good}, double {_hex(0.0)}, double {_hex(1.0)}"))
         # The last step may have been cut short: what it says about h counts only if it asks for less.
         wanted = c.binary("fmul", "double", h, factor)

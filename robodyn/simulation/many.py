@@ -21,7 +21,7 @@ from ..scene import Scene
 from . import native
 from .methods import METHODS
 from .run import MOST_FRAMES, Integration, advice, output_times, simulate
-from .step import step_count, step_times
+from .step import span, step_count, step_times
 from .trajectory import Trajectory
 
 
@@ -76,8 +76,9 @@ def simulate_many(
     inputs.choice("method", method, names)
     inputs.choice("formalism", formalism, [f for f in FORMALISMS if f not in SADDLES])
     t0, t_end, dt = (inputs.number(k, x) for k, x in (("t0", t0), ("t_end", t_end), ("dt", dt)))
-    if not t_end > t0 or dt <= 0:
-        raise InputError(f"t_end={t_end} must be later than t0={t0}, and dt={dt} positive")
+    span(t0, t_end)
+    if dt <= 0:
+        raise InputError(f"dt={dt:g} must be positive")
     wanted = output_times(t0, t_end, fps, times)
     if wanted is None:
         if not (n := step_count(t0, t_end, dt)) < MOST_FRAMES:

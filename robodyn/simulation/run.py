@@ -23,7 +23,7 @@ from . import native
 from .methods import METHODS
 from .sampling import Sampling
 from .scipy_steps import too_small
-from .step import Step, resolution
+from .step import Step, resolution, span
 from .trajectory import Trajectory
 
 MOST_FRAMES = 1e8  # results of one trajectory: beyond this memory runs out first
@@ -67,8 +67,7 @@ def simulate(
     inputs.choice("backend", backend, BACKENDS[:2])
     t0, t_end, rtol, dt = (inputs.number(k, x) for k, x in (("t0", t0), ("t_end", t_end), ("rtol", rtol), ("dt", dt)))
     atol = rtol if atol is None else inputs.number("atol", atol)
-    if not t_end > t0:
-        raise InputError(f"t_end={t_end} must be later than t0={t0}")
+    span(t0, t_end)
     if min(rtol, atol, dt) <= 0 or rtol < 1e-13:
         raise InputError(f"rtol={rtol:g}, atol={atol:g} and dt={dt:g} must be positive, rtol at least 1e-13: float64 resolves no more")
     if not isinstance(progress, bool) and not callable(progress):

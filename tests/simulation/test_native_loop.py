@@ -354,6 +354,48 @@ def test_the_first_step_is_scipys(method, t_end):
     assert np.isclose(ours.t[1], theirs.h_abs, rtol=1e-9, atol=0)
 
 
+@pytest.mark.parametrize("method", ["dop853", "rk45"])
+def test_a_step_that_an_end_cuts_short_says_nothing_of_the_next(moving, method):
+    """Behind a sample that falls just behind a step, the next one is as long as if there were none."""
+    scene, q, v = moving
+    settings = {"dt": 1e-3, "rtol": 1e-9, "atol": 1e-9}
+    x0 = np.concatenate([q, v, [0.0]])[:, None]
+    run, steps = native.Run(native.compiled(scene.evaluator, method, "auto", 1), x0, 0.0, np.zeros(0), settings), []
+    for end in (0.5, 0.5 + 1e-9):
+        run.head_for(end)
+        while run.slice() != integrate.DONE:
+            pass
+        steps.append(run.h)
+    assert run.t == 0.5 + 1e-9
+    assert steps[1] == steps[0] > 1e-6
+
+
+def test_where_the_motion_ends_the_step_shrinks_to_the_resolution_of_time():
+    """A force that goes to infinity at t = 1: sixteen roundings of t are the last step."""
+    scene = rd.Scene(
+        rd.load(rods().with_name("cartpole.urdf")), loads=[rd.ControlLaw(lambda t, q, v: np.stack([(1.0 - t) ** -2.0, 0.0 * t]))]
+    )
+    with pytest.raises(rd.SimulationError, match="step size went to zero at t=1 s") as found:
+        rd.simulate(scene, t_end=2.0, fps=None)
+    t = found.value.trajectory.t
+    assert 16 < (t[-1] - t[-2]) / np.finfo(float).eps < 80
+    assert 1.0 - 1e-9 < t[-1] < 1.0
+
+
+@pytest.mark.parametrize("method", ["dop853", "rk45"])
+def test_a_step_that_leaves_where_the_load_is_defined_is_tried_again_shorter(method):
+    """A cart that runs freely into a logarithmic barrier: before it steps grow at will, and beyond zero there is NaN; it turns before."""
+
+    def barrier(t, q, v):
+        return np.stack([np.where(q[0] > 0.3, 0.0, -50.0 * np.log(q[0] / 0.3)), 0.0 * t])
+
+    scene = rd.Scene(rd.load(rods().with_name("cartpole.urdf")), loads=[rd.ControlLaw(barrier)])
+    options = {"t_end": 3.0, "q0": [5.0, np.pi], "v0": [-3.0, 0.0], "method": method}
+    run, exact = (rd.simulate(scene, rtol=rtol, **options) for rtol in (1e-3, 1e-11))
+    assert run.stats["rejected"] > 0
+    assert abs(run.q[-1, 0] - exact.q[-1, 0]) < 0.1  # of the cart's way of 5 m, at some dozens of steps of 1e-3
+
+
 def test_at_the_same_tolerance_no_more_work_than_scipys_and_errors_of_the_same_size():
     """Both control DOP853's steps by the same rule: what differs is where steps happen to end, which evens out over a dozen falls."""
     scene, rng = rd.Scene(rd.load(rods().with_name("double_pendulum.urdf"))), np.random.default_rng(3)

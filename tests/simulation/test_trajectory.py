@@ -856,6 +856,7 @@ def test_motion_that_is_undetermined_from_the_start():
     ("options", "message"),
     [
         ({"t_end": 0.0}, "t_end=0.0 must be later than t0=0.0"),
+        ({"t0": 1e9, "t_end": 1e9 + 1e-6}, "closer than 7.11e-06 s.*start from t0=0"),
         ({"t_end": -1.0}, "t_end=-1.0"),
         ({"t_end": np.nan}, "t_end=nan must be finite"),
         ({"t_end": np.inf}, "t_end=inf must be finite"),
