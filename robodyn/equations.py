@@ -3,7 +3,7 @@
 Plain functions of arrays that are already checked (`inputs`), in whatever arithmetic the tree's constants are in (`scene`).
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -24,6 +24,7 @@ from .loads import Load, State
 from .loads.answers import joint_forces, link_wrenches
 from .model import Body, Mechanism, Minimal, Tree, lump, minimal
 from .processes import cached_property
+from .reduction import reduced
 
 SWEEPS = {"nonrecursive": nonrecursive, "recursive": recursive}
 SADDLES = {"saddle_joint": saddle_joint, "saddle_body": saddle_body}
@@ -47,7 +48,12 @@ class Equations:
     tree: Tree
     gravity: Array  # (3,)
     loads: Sequence[Load]
-    minimal: Minimal | None = None  # of the lumped tree: what `nonrecursive` solves for η̇ on, where it is there
+    fewest: Callable[[], Minimal | None] | None = None  # where operations count: the lumped tree with base parameters, where to use it
+
+    @cached_property
+    def minimal(self) -> Minimal | None:
+        """What `nonrecursive` solves for η̇ on, where it is there."""
+        return self.fewest() if self.fewest else None
 
     # --- what acts ---
 
@@ -96,8 +102,7 @@ class Equations:
         """
         if formalism == "auto":
             formalism = self.cheapest
-        if formalism == "nonrecursive" and self.minimal:
-            least = self.minimal
+        if formalism == "nonrecursive" and (least := self.minimal):
             if carried:
                 return nonrecursive(self.tree, q, v, acts.tau, acts.wrenches, self.gravity, inertias=least.tree)
             return nonrecursive(least.tree, q, v, acts.tau, least.wrenches(acts.wrenches), self.gravity)
@@ -200,11 +205,13 @@ class Equations:
 class Views:
     """A scene's equations in one arithmetic, made when first asked for.
 
-    backend: "numpy" and "mpmath" take the robot as it is; "native", which is float64 too, has a minimal tree for η̇.
+    backend: "numpy" and "mpmath" take the robot as it is; "native", which is float64 too, has a minimal tree for η̇: with reduce=None
+    where that costs no digits, with True or False in any case or never.
     """
 
-    def __init__(self, robot: Mechanism, gravity: Array, loads: Sequence[Load], backend: str) -> None:
+    def __init__(self, robot: Mechanism, gravity: Array, loads: Sequence[Load], backend: str, *, reduce: bool | None = None) -> None:
         self._robot, self._gravity, self._loads, self._backend = robot, gravity, loads, backend
+        self._reduce = reduce
         self._cut: dict[frozenset[int], Equations] = {}
 
     def opened_at(self, joints: Iterable[int]) -> Equations:
@@ -215,9 +222,14 @@ class Views:
                 robot, gravity = (self._robot.exact(), exact(self._gravity)) if self._backend == "mpmath" else (self._robot, self._gravity)
                 tree = lump(robot, cut=fixed)
             # Cut open or not, it moves alike.
-            fewest = None if self._backend != "native" else self.lumped.minimal if fixed else minimal(tree)
-            self._cut[fixed] = Equations(self._robot, tree, gravity, self._loads, fewest)
+            fewest = (lambda: self.lumped.minimal) if fixed else (lambda: self._fewest(tree))
+            self._cut[fixed] = Equations(self._robot, tree, gravity, self._loads, fewest if self._backend == "native" else None)
         return self._cut[fixed]
+
+    def _fewest(self, tree: Tree) -> Minimal | None:
+        if self._reduce is None:
+            return reduced(self._robot, tree)
+        return minimal(tree) if self._reduce else None
 
     @property
     def lumped(self) -> Equations:

@@ -228,12 +228,15 @@ class Evaluator:
         """Floating-point operations of forward dynamics by each formalism that is compiled for this scene."""
         return self._compared(ForwardDynamics("auto"))[1]
 
-    @cached_property
-    def unreduced_operations(self) -> int | None:
-        """Those of "nonrecursive" without base inertial parameters, on the bodies as they are; None where it is not compiled."""
+    def operations_with(self, *, reduce: bool) -> int | None:
+        """Those of "nonrecursive" with base inertial parameters, or on the bodies as they are; None where it is not compiled."""
         if "nonrecursive" not in self._routes:
             return None
-        return self._traced(ForwardDynamics("nonrecursive"), minimal=False).operations
+        return self._traced(ForwardDynamics("nonrecursive"), views=self.views_with(reduce=reduce)).operations
+
+    def views_with(self, *, reduce: bool) -> Views:
+        """The equations to trace, with base inertial parameters or without, whatever those cost."""
+        return Views(self.robot, self._gravity, self.views().lumped.loads, "native", reduce=reduce)
 
     @cached_property
     def cheapest(self) -> str:
@@ -244,8 +247,8 @@ class Evaluator:
         """The formalism that is cheapest for a question."""
         if len(self._routes) == 1:
             return self._routes[0]
-        loads = self.views().lumped.loads
-        return remembered.route(question, self.robot, self._gravity, loads, self._routes, lambda: self._compared(question)[0])
+        what = question, self._gravity, self.views().lumped.loads
+        return remembered.choice(self.robot, what, self._routes, lambda: self._compared(question)[0])
 
     def _compared(self, question: Question) -> tuple[str, dict[str, int]]:
         """The cheapest formalism for a question, and the operations of each."""
@@ -297,10 +300,10 @@ class Evaluator:
         return recorder, LoopedViews(self.views(), recorder)
 
     @without_collections
-    def _traced(self, question: Question, dtype: np.dtype = DOUBLE, *, minimal: bool = True) -> Program | Looped:
-        """The question, asked of symbols; with minimal=False on the bodies as they are."""
-        graph, views = self._symbolic(self.loops and getattr(question, "formalism", "recursive") == "recursive")
-        views = views if minimal else self.views()
+    def _traced(self, question: Question, dtype: np.dtype = DOUBLE, *, views: Views | None = None) -> Program | Looped:
+        """The question, asked of symbols; of other equations than the backend's where they are given."""
+        graph, own = self._symbolic(self.loops and getattr(question, "formalism", "recursive") == "recursive")
+        views = views or own
         sizes = {name: inputs.size(self.robot, name) for name in question.needs} | {"t": 1}
         arrays = {name: graph.inputs(name, (n,)) for name, n in sizes.items()}
         t = arrays.pop("t")[0]

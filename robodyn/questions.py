@@ -151,7 +151,7 @@ class JointReactions(Question):
     def answer(self, views: Views, t: Array | float, q: Array, v: Array, tau: Array) -> Answer:  # type: ignore[override]
         opened = views.opened_at(self.joints)
         # The minimal form finds what all bodies need at η̇ = 0 either way: then both are asked of the same bodies.
-        shared = self.formalism == "nonrecursive" and opened.minimal is not None
+        shared = self.formalism == "nonrecursive" and opened.fewest is not None
         moving = opened if shared else views.lumped
         acts = moving.applied(t, q, v, tau)
         solution = moving.accelerate(q, v, acts, self.formalism, carried=shared)

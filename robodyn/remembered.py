@@ -1,6 +1,6 @@
-"""Which formalism was the cheapest for a robot, kept beside the kernels on disk: to find it takes half of a first call's time.
+"""Which formalism was the cheapest for a robot, and the like, kept beside the kernels on disk: to find it takes half of a first call.
 
-What is remembered decides on speed alone, and is what would be found again: its name holds all that the count of operations depends on.
+What is remembered is what would be found again: its name holds all that the choice depends on.
 """
 
 import hashlib
@@ -12,26 +12,21 @@ from pathlib import Path
 from types import BuiltinFunctionType, FunctionType
 from typing import Any
 
-from .arithmetic import Array
 from .engine import cache as disk
-from .loads import Load
 from .model import Mechanism
-from .questions import Question
 
 KNOWN = ("robodyn", "numpy", "builtins")  # whose code the version of robodyn stands for, or no count depends on
 
 
-def route(
-    question: Question, robot: Mechanism, gravity: Array, loads: Sequence[Load], routes: Sequence[str], find: Callable[[], str]
-) -> str:
-    """The one of the routes that `find` found before, or finds now."""
+def choice(robot: Mechanism, what: object, choices: Sequence[str], find: Callable[[], str]) -> str:
+    """The one of the choices that `find` found before, or finds now; it depends on the robot's links and joints and on `what`."""
     bodies = [(link.name, link.inertia) for link in robot.links]
     try:
-        key = _content((source(Path(__file__).parent), question, gravity, loads, bodies, robot.joints))
+        key = _content((source(Path(__file__).parent), what, bodies, robot.joints))
     except (pickle.PicklingError, AttributeError, TypeError):  # the last two: what is defined inside a function, or has no pickle
         return find()
-    name = disk.key("route", hashlib.sha256(key).hexdigest())
-    if (known := (disk.get(name) or b"").decode(errors="replace")) in routes:
+    name = disk.key("choice", hashlib.sha256(key).hexdigest())
+    if (known := (disk.get(name) or b"").decode(errors="replace")) in choices:
         return known
     found = find()
     disk.put(name, found.encode())
@@ -40,7 +35,7 @@ def route(
 
 @cache
 def source(folder: Path) -> str:
-    """A hash of the Python files in a folder and below: of robodyn's, which say what a route costs."""
+    """A hash of the Python files in a folder and below: of robodyn's, which say what was compared."""
     return hashlib.sha256(b"".join(file.read_bytes() for file in sorted(folder.rglob("*.py")))).hexdigest()
 
 

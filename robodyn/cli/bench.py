@@ -77,8 +77,9 @@ def run(options: argparse.Namespace) -> int:
             subject = Subject(file, settings, loading)
             about = facts(subject)
             routes = ", ".join(f"{route} {n}" for route, n in about["operations"].items())
-            if about["unreduced"]:
-                routes += f" (nonrecursive without base inertial parameters: {about['unreduced']})"
+            if "unreduced" in about:
+                loss = f"errors times {about['reduction_error']:.2g}"
+                routes += f" (base inertial parameters: {about['unreduced']} without, {about['reduced']} with, {loss})"
             title = f"{about['name']}: {about['nv']} degrees of freedom, κ up to {about['condition']:.0e}; operations: {routes}"
             found = rows(subject, options.only or list(KINDS), script=options.yardstick, tick=progress.show)
             results.append({"file": file, **about, "rows": []})

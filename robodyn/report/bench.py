@@ -7,6 +7,7 @@ from typing import Any
 
 from ..arithmetic import mpmath
 from ..errors import InputError, MissingPackageError, RobodynError
+from ..reduction import rounding
 from . import chains as long_chains, dynamics, processes, trajectories
 from .accuracy import condition
 from .subject import Contest, Settings, Subject
@@ -105,13 +106,21 @@ def chain_rows(counts: Sequence[int], settings: Settings, tick: Tick = lambda _:
 
 
 def facts(subject: Subject) -> dict[str, Any]:
-    """What belongs above a robot's rows: size, operations per route (and without base parameters), the condition of the checked states."""
+    """What belongs above a robot's rows: size, operations per route, the condition of the checked states.
+
+    Of "nonrecursive" also those with base inertial parameters and without, whichever it takes, and the loss of digits that decided it:
+    what they make of the error of forward dynamics.
+    """
     _needs_digits()
     q = subject.few[0]
     kappa = max(condition(subject.robot, x, a) for x, a in zip(q, subject.exact, strict=True))
     evaluator = subject.scene.evaluator
-    counts = {"operations": evaluator.operations, "unreduced": evaluator.unreduced_operations}
-    return {"name": subject.robot.name, "nv": subject.robot.nv, "condition": kappa, **counts}
+    found = {"name": subject.robot.name, "nv": subject.robot.nv, "condition": kappa, "operations": evaluator.operations}
+    if (plain := evaluator.operations_with(reduce=False)) is not None:
+        error, reduced = rounding(subject.robot)
+        found |= {"unreduced": plain, "reduced": evaluator.operations_with(reduce=True)}
+        found["reduction_error"] = reduced / error if error else 1.0
+    return found
 
 
 def machine() -> dict[str, Any]:

@@ -14,6 +14,8 @@ pytest.importorskip("mpmath")
 import real_robots
 from real_robots import ROBOTS
 
+import robodyn as rd
+from robodyn.reduction import costs_digits
 from robodyn.report.accuracy import EPS, condition, error
 
 BOUND = 50.0
@@ -61,3 +63,13 @@ def test_reactions(asked, record_property):
     ratio = worst(robot.reactions(q, v, tau, part=part, backend="native").array, exact, kappa * cancelled)
     record_property("error / (κ eps)", ratio)
     assert ratio <= BOUND
+
+
+@pytest.mark.parametrize(("name", "costs"), [("ur5", False), ("panda", False), ("talos_reduced", False), ("bolt", True), ("solo12", True)])
+def test_base_parameters_are_used_where_accuracy_does_not_suffer(name, costs):
+    """Legs that fold lose digits by them, arms and humanoids hardly any; then the bodies stay as they are."""
+    robot = real_robots.load(name)
+    assert costs_digits(robot) == costs
+    evaluator = rd.Scene(robot).evaluator
+    assert evaluator.operations_with(reduce=True) < evaluator.operations_with(reduce=False)
+    assert evaluator.operations["nonrecursive"] == evaluator.operations_with(reduce=not costs)
