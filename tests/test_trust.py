@@ -208,7 +208,7 @@ def test_in_many_trajectories_too():
     scene, q0 = rd.Scene(arm(), loads=[FINE, pole], gravity=(0, 0, 0)), np.zeros((11, 3))
     v0 = np.zeros((11, 3))
     v0[7, 1] = 3.0
-    with pytest.raises(rd.SimulationError, match=r"trajectory 7 .*'joint_2' that the load Given gives is nan at t=0\.\d+ s"):
+    with pytest.raises(rd.SimulationError, match=r"trajectory 7: .*'joint_2' that the load Given gives is nan at t=0\.\d+ s"):
         rd.simulate_many(scene, t_end=0.2, q0=q0, v0=v0)
 
 

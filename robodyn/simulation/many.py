@@ -4,6 +4,7 @@ import threading
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from .. import inputs
 from ..arithmetic import Array
 from ..engine.compile import lanes
 from ..equations import FORMALISMS, SADDLES
-from ..errors import InputError, ModelError, RobodynError, SimulationError
+from ..errors import InputError, ModelError, SimulationError
 from ..evaluate import DEFAULT
 from ..model import Mechanism
 from ..processes import cores, together
@@ -20,7 +21,7 @@ from ..questions import Evolution, Result
 from ..scene import Scene
 from . import native
 from .methods import METHODS
-from .run import MOST_FRAMES, Integration, advice, output_times, simulate
+from .run import MOST_FRAMES, output_times, simulate
 from .step import span, step_count, step_times
 from .trajectory import Trajectory
 
@@ -91,9 +92,10 @@ def simulate_many(
     if q.ndim != 2:
         raise InputError(f"q0 and v0 have the leading dimensions {q.shape[:-1]}: give (N, nq) and (N, nv)")
     inputs.unit_quaternions(scene.equations().side_conditions(q))
+    alone = partial(_alone, scene, q, v, times=wanted, t0=t0, t_end=t_end, method=method, dt=dt, formalism=formalism)
     if DEFAULT != "native" or not scene.evaluator.compiles_steps(formalism):
         started = time.perf_counter()
-        found = _one_by_one(scene, q, v, times=wanted, t0=t0, t_end=t_end, method=method, dt=dt, formalism=formalism)
+        found = np.array([alone(row) for row in range(len(q))]).reshape(len(q), len(wanted), q.shape[1] + v.shape[1] + 1)
         return _trajectories(scene, wanted, found, method, formalism, dt, started)
     x0 = np.hstack([scene.equations().project(q), v, np.zeros((len(q), 1))])
 
@@ -110,16 +112,9 @@ def simulate_many(
     workers = max(1, min(threads or cores(), len(rows)))
     failed = together(lambda _: crowd.run(workers, lambda: not stop.is_set()), workers, stop.set)
     for block in sorted(block for block in failed if block is not None):
-        t, states = crowd.t(block), crowd.x[block].T
-        settings = {"rtol": 1.0, "atol": 1.0, "dt": dt}
-        steps = (Integration(scene, t, min(t + dt, t_end), x, None, method, formalism, settings) for x in states)
-        causes = ((int(row), _cause(step)) for row, step in zip(rows[block], steps, strict=True))
-        bad, cause = next(((row, cause) for row, cause in causes if cause), (int(rows[block][0]), None))
-        why = f"{cause}{advice(method, dt)}" if cause else "reduce dt"
-        raise SimulationError(
-            f"after t={t:.9g} s trajectory {bad} stopped being finite, or one of its joints showed no inertia: {why}; "
-            f"look at q0[{bad}] with `simulate`"
-        ) from cause
+        for row in rows[block]:  # has the same bits alone: one of them fails again, and says why
+            alone(int(row))
+        raise SimulationError(f"trajectories {rows[block][0]} to {rows[block][-1]} cannot go on side by side: reduce dt={dt:g}")
     found = crowd.results.transpose(0, 3, 1, 2).reshape(-1, len(wanted), x0.shape[1])[: len(x0)]
     return _trajectories(scene, wanted, found, method, formalism, dt, started)
 
@@ -130,23 +125,12 @@ def _trajectories(scene: Scene, t: Array, x: Array, method: str, formalism: str,
     return Trajectories(scene, t, x[..., :nq], x[..., nq : nq + nv], x[..., nq + nv], stats)
 
 
-def _one_by_one(scene: Scene, q: Array, v: Array, **options: Any) -> Array:
-    """The states (N, T, nx), by Python's steps: where no step loop is compiled."""
-    found = np.empty((len(q), len(options["times"]), q.shape[1] + v.shape[1] + 1))
-    for row, (q0, v0) in enumerate(zip(q, v, strict=True)):
-        try:
-            run = simulate(scene, q0=q0, v0=v0, **options)
-        except (ModelError, SimulationError) as error:
-            raise SimulationError(f"trajectory {row}: {error}; look at q0[{row}] with `simulate`") from error
-        found[row] = np.hstack([run.q, run.v, run.work[:, None]])
-    return found
-
-
-def _cause(integration: Integration) -> RobodynError | None:
-    """Why a state cannot go on: what stops its next step in Python; None where nothing does."""
+def _alone(scene: Scene, q: Array, v: Array, row: int, **options: Any) -> Array:
+    """The states (T, nx) of one trajectory, by `simulate`; what it fails at is an error that names the row."""
     try:
-        for _ in integration.steps(integration.t0, integration.t_end, "numpy"):
-            pass
-    except RobodynError as error:
-        return error
-    return None
+        run = simulate(scene, q0=q[row], v0=v[row], **options)
+    except (ModelError, SimulationError) as error:
+        raise SimulationError(f"trajectory {row}: {error}; look at q0[{row}] with `simulate`") from error
+    if not run.completed:  # `simulate` takes Ctrl-C for the wish to see what there is
+        raise KeyboardInterrupt
+    return np.hstack([run.q, run.v, run.work[:, None]])

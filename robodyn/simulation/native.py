@@ -218,10 +218,6 @@ class Crowd:
                 count = int(np.clip(done * share, 1, 16 * count))
         return None
 
-    def t(self, block: int) -> float:
-        """The time that a block has reached [s]."""
-        return float(self._headers[block, _PLACE["t"]])
-
 
 def _header(**values: float) -> list[float]:
     """The numbers that the compiled loop starts from, zero where none is given."""

@@ -15,7 +15,7 @@ from tools import case
 import robodyn as rd
 from robodyn.engine import integrate
 from robodyn.model import Link
-from robodyn.simulation import native
+from robodyn.simulation import many, native
 
 BACKENDS = ("native", "numpy")
 
@@ -178,12 +178,22 @@ def test_the_trajectory_that_cannot_go_on_is_named():
         rd.simulate_many(cartpole, t_end=0.1, v0=v0)
 
 
+@pytest.mark.parametrize("width", [1, 2, 4, 8])
+def test_the_first_is_named_whatever_the_lanes(monkeypatch, width):
+    """Though the next one, which may share a block with it, fails earlier in time."""
+    monkeypatch.setattr(many, "lanes", lambda: width)
+    v0 = np.zeros((8, 2))
+    v0[[2, 3, 7], 1] = 1e153, 1e200, 1e200
+    with pytest.raises(rd.SimulationError, match="trajectory 2: "):
+        rd.simulate_many(rd.load(rods().with_name("cartpole.urdf")), t_end=0.05, v0=v0)
+
+
 @pytest.mark.parametrize("threads", [1, 2, 5])
 def test_of_several_that_cannot_go_on_the_first_is_named(threads):
     """Whatever the number of threads, and though a later one fails earlier in time."""
     v0 = np.zeros((400, 2))
     v0[[150, 390], 1] = 1e153, 1e200  # a step, and none
-    with pytest.raises(rd.SimulationError, match="trajectory 150 "):
+    with pytest.raises(rd.SimulationError, match="trajectory 150: "):
         rd.simulate_many(rd.load(rods().with_name("cartpole.urdf")), t_end=0.05, v0=v0, threads=threads)
 
 
@@ -225,7 +235,7 @@ def test_the_first_is_named_even_if_another_thread_took_it(monkeypatch):
         return blocks
 
     monkeypatch.setattr(native.Crowd, "_take", second)
-    with pytest.raises(rd.SimulationError, match="trajectory 0 "):
+    with pytest.raises(rd.SimulationError, match="trajectory 0: "):
         rd.simulate_many(rd.load(rods().with_name("cartpole.urdf")), t_end=0.05, v0=np.full((400, 2), 1e200), threads=2)
 
 
