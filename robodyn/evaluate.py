@@ -150,7 +150,7 @@ class Evaluator:
         if dtype != DOUBLE:
             found = {name: inputs.rounded(name, x, dtype) for name, x in found.items()}
         if "q" in found and question.admissible:
-            inputs.unit_quaternions(self.views().lumped.side_conditions(found["q"]))
+            inputs.unit_quaternions("q", self.views().lumped.side_conditions(found["q"]))
         return found
 
     def _directly(

@@ -164,16 +164,16 @@ def broadcast(**arrays: Array) -> tuple[int, ...]:
         raise InputError(f"the leading dimensions do not fit together: {shapes}") from None
 
 
-def unit_quaternions(conditions: Sequence[tuple[str, Array]]) -> None:
-    """InputError where φ(β) = |p|² − 1 is not zero within `UNIT_TOLERANCE`."""
+def unit_quaternions(name: str, conditions: Sequence[tuple[str, Array]]) -> None:
+    """InputError where φ(β) = |p|² − 1 of an argument is not zero within `UNIT_TOLERANCE`."""
     for joint, phi in conditions:
         phi = np.asarray(phi, dtype=float)
         bad = np.argwhere(abs(phi) > UNIT_TOLERANCE)
         if len(bad):
             index = tuple(int(i) for i in bad[0])
-            where = f"q[{', '.join(map(str, index))}]: " if index else ""
+            where = f"{name}[{', '.join(map(str, index))}]" if index else name
             length = float(np.sqrt(phi[index] + 1))
-            raise InputError(f"{where}the quaternion (w, x, y, z) of joint {joint!r} has the length {length:.9g}: normalise it to 1")
+            raise InputError(f"{where}: the quaternion (w, x, y, z) of joint {joint!r} has the length {length:.9g}: normalise it to 1")
 
 
 def as_exact(x: Array) -> Array:

@@ -317,7 +317,7 @@ def test_a_quaternion_that_is_not_unit_is_named(walker, backend):
     q[1, 2, 7:] *= 1.5
     with pytest.raises(rd.InputError, match=r"^q\[1, 2\]: the quaternion \(w, x, y, z\) of joint 'joint_1' has the length 1\.5: normalise"):
         walker.robot.forward_dynamics(q, walker.v, backend=backend)
-    with pytest.raises(rd.InputError, match=r"^the quaternion \(w, x, y, z\) of joint 'ground' has the length 0"):
+    with pytest.raises(rd.InputError, match=r"^q: the quaternion \(w, x, y, z\) of joint 'ground' has the length 0"):
         walker.robot.potential_energy(np.zeros(11), backend=backend)
 
 

@@ -7,6 +7,7 @@ loaded only from a folder that is the user's own, and only if its content is who
 import contextlib
 import hashlib
 import os
+import stat
 import time
 from pathlib import Path
 
@@ -50,6 +51,8 @@ def key(*parts: str) -> str:
 def get(name: str) -> bytes | None:
     """The entry's content; None where there is none, or it is damaged or foreign."""
     if (path := folder()) is None:
+        return None
+    if not _is_plain(path / name):
         return None
     try:
         data = (path / name).read_bytes()
@@ -100,9 +103,19 @@ def _entries(path: Path | None) -> list[Path]:
 
 def _is_ours(file: Path) -> bool:
     """Whether a file begins as entries do: the folder may be one that the user keeps other things in."""
+    if not _is_plain(file):
+        return False
     try:
         with file.open("rb") as stream:
             return stream.read(len(_MAGIC)) == _MAGIC
+    except OSError:
+        return False
+
+
+def _is_plain(file: Path) -> bool:
+    """Whether it is a file itself: no link, and no pipe, whose end a reader would wait for."""
+    try:
+        return stat.S_ISREG(file.lstat().st_mode)
     except OSError:
         return False
 

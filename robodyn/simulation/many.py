@@ -91,7 +91,7 @@ def simulate_many(
     q, v = (np.atleast_2d(x) for x in states.values())
     if q.ndim != 2:
         raise InputError(f"q0 and v0 have the leading dimensions {q.shape[:-1]}: give (N, nq) and (N, nv)")
-    inputs.unit_quaternions(scene.equations().side_conditions(q))
+    inputs.unit_quaternions("q0", scene.equations().side_conditions(q))
     alone = partial(_alone, scene, q, v, times=wanted, t0=t0, t_end=t_end, method=method, dt=dt, formalism=formalism)
     if DEFAULT != "native" or not scene.evaluator.compiles_steps(formalism):
         started = time.perf_counter()

@@ -78,7 +78,7 @@ def simulate(
     state = inputs.checked(scene.robot, {"q0": scene.robot.neutral() if q0 is None else q0, "v0": v0})
     if state["q0"].ndim != 1:
         raise InputError(f"q0 and v0 have the leading dimensions {state['q0'].shape[:-1]}: give one state, (nq,) and (nv,)")
-    inputs.unit_quaternions(scene.equations().side_conditions(state["q0"]))
+    inputs.unit_quaternions("q0", scene.equations().side_conditions(state["q0"]))
     x0 = np.concatenate([scene.equations().project(state["q0"]), state["v0"], [0.0]])
     in_native_code = backend == "native" and METHODS[method].tableau is not None and scene.evaluator.compiles_steps(formalism)
     integration = Integration(scene, t0, t_end, x0, wanted, method, formalism, {"rtol": rtol, "atol": atol, "dt": dt})
@@ -275,8 +275,9 @@ class Integration:
         h = run.h if status == NOT_FINITE else 0.0
         end = min(run.t + max(h, resolution(run.t, end)), end)
         try:
-            for _ in self.steps(run.t, end, "numpy", h or None):  # where a stage of the step fails, so does this one
-                pass
+            with np.errstate(all="ignore"):
+                for _ in self.steps(run.t, end, "numpy", h or None):  # where a stage of the step fails, so does this one
+                    pass
         except ModelError as error:
             where = f"at t={run.t:.9g} s" if h else f"the step size went to zero at t={run.t:.9g} s"
             return f"{where}: {error}{advice(self.method, self.settings['dt'])}"

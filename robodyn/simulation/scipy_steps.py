@@ -58,5 +58,5 @@ def too_small(t: float, reason: str | None = None) -> str:
     """What is said when the step size went to zero."""
     return (
         f"the step size went to zero at t={t:.9g} s{f' ({reason})' if reason else ''}: the motion is too stiff or has a jump there. "
-        "Loosen rtol, soften the load, or use method='radau' or 'rk4' with a small dt"
+        "Loosen rtol or atol, soften the load, or use method='radau' or 'rk4' with a small dt"
     )

@@ -178,6 +178,24 @@ def test_a_killed_process_leaves_what_clear_knows(folder):
     assert not list(folder.iterdir())
 
 
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs POSIX pipes")
+@pytest.mark.parametrize("kind", ["pipe", "link to endless zeros", "folder"])
+def test_what_is_no_file_is_no_entry(folder, kind):
+    """Nobody waits for the end of a pipe."""
+    value(3.0)
+    (entry,) = folder.iterdir()
+    entry.unlink()
+    if kind == "pipe":
+        os.mkfifo(entry)
+    elif kind == "folder":
+        entry.mkdir()
+    else:
+        entry.symlink_to("/dev/zero")
+    assert cache.usage() == (0, 0)
+    assert cache.clear() == (0, 0)
+    assert value(3.0) == 6.0
+
+
 def test_files_of_others_are_neither_counted_nor_removed(folder, monkeypatch):
     value(3.0)
     foreign = folder / ("a" * 64)

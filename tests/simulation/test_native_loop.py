@@ -141,8 +141,10 @@ def test_ends_of_steps_are_rounded_once():
 
 def test_many_trajectories_need_unit_quaternions(moving):
     scene, q, _ = moving
-    with pytest.raises(rd.InputError, match=r"quaternion|Euler"):
+    with pytest.raises(rd.InputError, match=r"q0\[1\]: the quaternion \(w, x, y, z\) of joint 'ground' has the length 1\.1"):
         rd.simulate_many(scene, q0=np.stack([q, 1.1 * q]), t_end=0.01)
+    with pytest.raises(rd.InputError, match="^q0: the quaternion"):
+        rd.simulate(scene, q0=1.1 * q, t_end=0.01)
 
 
 def test_a_step_that_is_too_large_is_told_to_be_so():
