@@ -1,6 +1,6 @@
 """Forward dynamics and reactions of random states, in batches and one at a time, beside Pinocchio; one thread each."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -41,20 +41,24 @@ def batch(subject: Subject) -> Iterator[Contest]:
 
 
 def reactions(subject: Subject) -> Iterator[Contest]:
-    """The same, and the whole wrench through every moving joint, beside a loop of pin.aba and pin.rnea."""
-    robot, (q, v, tau), few, n = subject.robot, subject.states, subject.few, len(subject.states[0])
-    moving = [joint.name for joint in robot.joints if joint.type.nv]
-    exact = robot.reactions(*few, part="total", joints=moving, backend="mpmath").array
-    wrenches = np.empty((n, len(moving), 6))
+    """The same, and the whole wrench through every moving joint, beside a loop of pin.aba and pin.rnea; then through the fixed ones too.
 
-    def ours() -> Any:
-        return robot.reactions(q, v, tau, part="total", joints=moving, threads=1, out=wrenches)
+    That loop finds the wrenches of the moving joints alone, which it goes on doing beside all of robodyn's.
+    """
+    robot, few = subject.robot, subject.few
+    moving = [joint.name for joint in robot.joints if joint.type.nv]
+    every = [joint.name for joint in robot.joints]
+
+    def asked(joints: list[str]) -> tuple[Callable[[], Any], Any]:
+        (q, v, tau), wrenches = subject.states, np.empty((len(subject.states[0]), len(joints), 6))
+        exact = robot.reactions(*few, part="total", joints=joints, backend="mpmath").array
+        return lambda: robot.reactions(q, v, tau, part="total", joints=joints, threads=1, out=wrenches), exact
 
     theirs: dict[str, Any] = {"note": subject.pinocchio}
     if not isinstance(pair := subject.pinocchio, str):
         pin, name = _pinocchio()
-        model, data = pair.model, pair.data
-        states = [(pair.q(q[i]), pair.G @ v[i], pair.G @ tau[i]) for i in range(0, n, THINNED)]
+        model, data, (q, v, tau) = pair.model, pair.data, subject.states
+        states = [(pair.q(q[i]), pair.G @ v[i], pair.G @ tau[i]) for i in range(0, len(q), THINNED)]
 
         def loop() -> None:
             for state in states:
@@ -63,10 +67,13 @@ def reactions(subject: Subject) -> Iterator[Contest]:
 
         found = [pair.joint_wrenches(q, v, pair.forward_dynamics(q, v, tau)) for q, v, tau in zip(*few, strict=True)]
         here = np.array([[wrench[joint] for joint in moving] for wrench in found])
-        theirs = {"peer": f"{name} loop of aba + rnea", "theirs": loop, "peer_units": len(states), "peer_error": error(here, exact)}
-        theirs["note"] = _remark(pair)
-    ours_error = error(ours().array[: len(exact)], exact)
-    yield Contest("reactions", "… and every moving joint's wrench", ours, n, error=ours_error, **theirs)
+        theirs = {"peer": f"{name} loop of aba + rnea", "theirs": loop, "peer_units": len(states), "note": _remark(pair)}
+        theirs["peer_error"] = error(here, asked(moving)[1])
+    for joints in (moving, every) if every != moving else (moving,):
+        ours, exact = asked(joints)
+        work, units = "every moving joint's wrench" if joints is moving else f"all {len(every)} joints' wrenches", len(subject.states[0])
+        yield Contest("reactions", f"… and {work}", ours, units, error=error(ours().array[: len(exact)], exact), **theirs)
+        theirs |= {"note": "the peer finds those of moving joints"} if theirs.get("peer") else {}
 
 
 def call(subject: Subject) -> Iterator[Contest]:

@@ -16,6 +16,7 @@ from ..errors import RobodynError
 
 Job = Callable[[], Any]
 SHORT = 0.1  # [s]: a job of less is run once, unmeasured, before each measurement, so that its data is in the cache as in a user's loop
+MOST_RUNS = 1000  # of a job in a round
 PATIENCE = 20.0  # [s] of measuring slow jobs, after which the rounds are as few as FEWEST
 FEWEST = 3
 
@@ -40,27 +41,31 @@ class Timing:
 
 
 def interleaved(jobs: Sequence[Job], rounds: int, tick: Callable[[int], None] = lambda _: None) -> list[list[float]]:
-    """Seconds that each job took in each round; who goes first changes from round to round. A first run of each does not count.
+    """Seconds that a run of each job took in each round; who goes first changes from round to round. First runs do not count.
 
-    Jobs that take seconds get fewer rounds, see PATIENCE. tick: called with the number of the round, outside of what is timed.
+    In a round, each is run as many times as take about as long as the slowest: whatever else the machine does is then in the way of all,
+    while a short job alone would slip through between. Jobs that take seconds get fewer rounds, see PATIENCE. tick: called with the
+    number of the round, outside of what is timed.
     """
-    took = [_timed(job) for job in jobs]
+    took = [first if (first := _timed(job)) >= SHORT else min(first, _timed(job)) for job in jobs]
+    runs = [min(MOST_RUNS, max(1, round(max(took) / max(t, 1e-9)))) for t in took]
     times: list[list[float]] = [[] for _ in jobs]
     for i in range(rounds):
-        if i >= FEWEST and sum(map(sum, times)) > PATIENCE:
+        if i >= FEWEST and sum(n * sum(t) for n, t in zip(runs, times, strict=True)) > PATIENCE * len(jobs):
             break
         tick(i)
         for j in range(len(jobs)) if i % 2 == 0 else reversed(range(len(jobs))):
             if took[j] < SHORT:
                 jobs[j]()
-            times[j].append(_timed(jobs[j]))
+            times[j].append(_timed(jobs[j], runs[j]))
     return times
 
 
-def _timed(job: Job) -> float:
+def _timed(job: Job, runs: int = 1) -> float:
     started = time.perf_counter()
-    job()
-    return time.perf_counter() - started
+    for _ in range(runs):
+        job()
+    return (time.perf_counter() - started) / runs
 
 
 def fresh(code: str, *arguments: object, **environment: str) -> Any:

@@ -1,8 +1,10 @@
 """The benchmark runs, compares before it measures, and says what it lacks."""
 
+import itertools
 import json
 import re
 import sys
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -43,6 +45,7 @@ def test_quick_run_of_everything(command, tmp_path):
     assert [row["kind"] for row in arm["rows"]] == [
         "batch",
         "reactions",
+        "reactions",
         "call",
         "rk4",
         "dop853",
@@ -76,7 +79,7 @@ def test_only_and_missing_peers(command, monkeypatch):
         monkeypatch.setitem(sys.modules, library, None)
         monkeypatch.delitem(sys.modules, f"robodyn.report.peers.{library}", raising=False)
     found = list(rows(Subject(ARM, QUICK), ["batch", "reactions", "call", "rk4", "dop853", "crowd"]))
-    assert len(found) == 6
+    assert len(found) == 7  # reactions of moving joints, and of all
     for row in found:
         assert row.ours
         assert row.theirs is None
@@ -139,10 +142,19 @@ def test_interrupted_it_prints_what_there_is(command, monkeypatch, tmp_path):
 
 def test_jobs_take_turns():
     log = []
-    times = interleaved([lambda: log.append("a"), lambda: log.append("b")], rounds=3, tick=log.append)
+
+    def job(name, seconds):
+        return lambda: (log.append(name), time.sleep(seconds))
+
+    times = interleaved([job("a", 0.03), job("b", 0.001)], rounds=3, tick=log.append)
     assert [len(t) for t in times] == [3, 3]
-    # A first run of each; then, each warmed up by a run of its own, in an order that changes from round to round.
-    assert log == ["a", "b", 0, "a", "a", "b", "b", 1, "b", "b", "a", "a", 2, "a", "a", "b", "b"]
+    assert min(times[0]) >= 0.03
+    assert 0.001 <= min(times[1]) <= max(times[1]) < 0.03  # per run
+    # First runs; then, in an order that changes from round to round, each warmed up by one run and run for about as long as the other.
+    assert [key for key, _ in itertools.groupby(log)] == ["a", "b", 0, "a", "b", 1, "b", "a", 2, "a", "b"]
+    rounds = [list(group) for key, group in itertools.groupby(log, lambda entry: isinstance(entry, int)) if not key][1:]
+    assert all(names.count("a") == 2 for names in rounds)
+    assert all(5 < names.count("b") <= 31 for names in rounds)
 
 
 def test_slow_jobs_get_fewer_rounds(monkeypatch):

@@ -143,7 +143,7 @@ def test_many_trajectories_need_unit_quaternions(moving):
     scene, q, _ = moving
     with pytest.raises(rd.InputError, match=r"q0\[1\]: the quaternion \(w, x, y, z\) of joint 'ground' has the length 1\.1"):
         rd.simulate_many(scene, q0=np.stack([q, 1.1 * q]), t_end=0.01)
-    with pytest.raises(rd.InputError, match="^q0: the quaternion"):
+    with pytest.raises(rd.InputError, match=r"^q0: the quaternion"):
         rd.simulate(scene, q0=1.1 * q, t_end=0.01)
 
 
