@@ -14,7 +14,8 @@ from tools import case
 
 import robodyn as rd
 from robodyn.engine import integrate
-from robodyn.model import Link
+from robodyn.joints import Fixed, Prismatic, Revolute
+from robodyn.model import GROUND, Inertia, Joint, Link
 from robodyn.simulation import many, native
 
 BACKENDS = ("native", "numpy")
@@ -448,3 +449,20 @@ def test_every_step_ends_with_unit_quaternions(moving, method):
     assert run.stats["steps"] > 3
     for _, phi in scene.equations().side_conditions(run.q):
         assert abs(phi).max() < 8 * np.finfo(float).eps  # of a sum of four squares, each rounded, after a division
+
+
+@pytest.mark.parametrize("method", ["dop853", "rk4"])
+def test_an_inertia_beyond_float64_is_not_taken_for_a_wall(method):
+    """Divided by it, any force gives a finite zero: what turns a slider that is infinitely far away has to be refused by name."""
+    sphere = Inertia.about_centre(1.0, np.zeros(3), 0.01 * np.eye(3))
+    joints = (
+        Joint(GROUND, Fixed(), -1),
+        Joint("turn", Revolute.from_axis(np.array([0.0, 0.0, 1.0])), 0),
+        Joint("slide", Prismatic.from_axis(np.array([1.0, 0.0, 0.0])), 1),
+    )
+    robot = rd.Robot("boom", (Link("base"), Link("boom", sphere), Link("far", sphere)), joints)
+    with pytest.raises(rd.ModelError, match="the inertia that joint 'turn' moves is not finite"):
+        rd.simulate(robot, t_end=0.01, q0=[0.0, 1e170], method=method)
+    # Under way: the slider gets there within a step that is otherwise exact.
+    with pytest.raises(rd.SimulationError, match="'turn' moves is not finite"):
+        rd.simulate(robot, t_end=1.0, v0=[0.0, 1e160], method="rk4", dt=0.5)
