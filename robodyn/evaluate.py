@@ -23,7 +23,8 @@ from .engine.program import Program, program
 from .engine.sweeps import Recorder
 from .equations import SADDLES, SWEEPS, Views
 from .errors import InputError, ModelError
-from .loads import Load, State
+from .loads import ControlLaw, Load, State
+from .loads.answers import joint_forces, link_wrenches
 from .looped import LoopedViews
 from .model import Mechanism
 from .processes import cached_property, lock, without_collections
@@ -49,6 +50,7 @@ class Evaluator:
         self.step_loops: dict[tuple, Any] = {}  # compiled integrators, by what `simulation.native` compiles them for
         self._spare: dict[Question, Program | Looped] = {}
         self._shortcuts, self._lock = Shortcuts(robot), lock()
+        self._compiled_loads: list[str] | None = None
 
     def views(self, backend: str = "numpy") -> Views:
         """The equations of a backend."""
@@ -171,6 +173,8 @@ class Evaluator:
                 refuse_massless(self.robot, views.lumped.tree)
                 if getattr(question, "formalism", "") in SADDLES:  # does not know which joint it is; the minimal form does
                     self._directly(replace(question, formalism="nonrecursive"), backend, t, arrays)  # type: ignore[call-arg]
+                if backend == "mpmath":  # float64 arithmetic does not raise: it comes to where the joint is named
+                    self._directly(question, "numpy", t, {name: np.asarray(x, dtype=float) for name, x in checked.items()})
                 raise ModelError(f"the equations of robot {self.robot.name!r} are singular at this state") from None
             values = answer.values if dtype == DOUBLE else {name: np.asarray(x).astype(dtype) for name, x in answer.values.items()}
         batch, shapes = next(iter(checked.values())).shape[:-1], question.shapes(self.robot)
@@ -211,10 +215,42 @@ class Evaluator:
                 if key not in self._kernels:
                     if hasattr(question, "formalism"):
                         refuse_impossible(self.robot, self.views().lumped.tree)
+                    self.confirm_loads(compiling=True)
                     decided = self._decided(question)
                     spare = self._spare.pop(decided, None) if dtype == DOUBLE else None
                     self._kernels[key] = Kernel(spare or self._traced(decided, dtype), dtype)
         return self._kernels[key]
+
+    def confirm_loads(self, *, compiling: bool = False) -> None:
+        """InputError where code of the user's own is not what it was when the first kernel was made of it: gains may have changed since.
+
+        compiling: a kernel is about to be made; elsewhere nothing is asked of loads that none was made of.
+        """
+        own = [
+            load
+            for load in self.views().lumped.loads
+            if type(load).__module__.partition(".")[0] != "robodyn" or isinstance(load, ControlLaw)
+        ]
+        if not own or not (compiling or self._compiled_loads):
+            return
+        now = [self._written_down(load) for load in own]
+        for load, text, before in zip(own, now, self._compiled_loads or now, strict=True):
+            if text != before:
+                raise InputError(
+                    f"the load {type(load).__name__} gives other forces than when it was compiled for this scene: what it reads beside "
+                    "time and state is fixed then. Make a new rd.Scene with it as it is now"
+                )
+        self._compiled_loads = now
+
+    def _written_down(self, load: Load) -> str:
+        """What a load computes, in operations on symbols."""
+        graph = Graph()
+        (t,), q, v = (graph.inputs(name, (n,)) for name, n in (("t", 1), ("q", self.robot.nq), ("v", self.robot.nv)))
+        state = State(self.robot, self.views().lumped.tree, t, q, v)
+        with np.errstate(all="ignore"):  # as in `_traced`
+            forces = joint_forces(load, state), link_wrenches(load, state)
+        entries = [{i: [getattr(x, "number", x) for x in np.ravel(f)] for i, f in kind.items()} for kind in forces]
+        return repr((graph.nodes, entries))
 
     def _decided(self, question: Question) -> Question:
         """The question with "auto" replaced by the cheapest formalism."""
@@ -323,6 +359,7 @@ class Evaluator:
         held: joint forces ("held", nv) act beside the loads.
         """
         refuse_impossible(self.robot, self.views().lumped.tree)
+        self.confirm_loads(compiling=True)
         formalism = self.cheapest if formalism == "auto" else formalism
         (graph, views), nq, nv = self._symbolic(self.loops and formalism == "recursive"), self.robot.nq, self.robot.nv
         sizes = {"t": 1, "x": nq + nv + 1} | ({"h": 1} if semi_implicit else {}) | ({"held": nv} if held else {})

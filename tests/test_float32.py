@@ -246,3 +246,16 @@ def test_loads_in_float32():
     for backend in ("native", "numpy"):
         found = scene.forward_dynamics(q, v, t=0.7, backend=backend, dtype=np.float32)
         assert error(found, scene.forward_dynamics(q, v, t=0.7, backend="numpy")) < tolerance
+
+
+@pytest.mark.parametrize("formalism", ["recursive", "nonrecursive"])
+def test_sound_robots_of_many_freedoms_are_not_refused(formalism):
+    """Thirty freedoms and more, κ up to some thousands: what is left of a pivot is far above what its roundings add up to."""
+    for seed in range(8):
+        types = ("spherical", "planar", "prismatic")
+        robot = rd.random_robot(np.random.default_rng(seed), 12, joint_types=types, floating_base=True, fixed=0.0)
+        assert robot.nv >= 28
+        q, v = single(*robot.random_state(np.random.default_rng(seed + 100)))
+        exact = robot.forward_dynamics(q, v)
+        found = robot.forward_dynamics(q, v, dtype=np.float32, formalism=formalism)
+        assert error(found, exact) < C * condition(robot, q) * np.finfo(np.float32).eps

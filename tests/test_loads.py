@@ -939,3 +939,48 @@ def test_a_load_keeps_the_numbers_that_it_was_given():
     coefficient[0], force[:] = 500.0, 100.0
     M = robot.mass_matrix(q)
     assert abs(scene.inverse_dynamics(q, v, a)).max() <= C * EPS * (abs(M) @ abs(a)).max() * np.linalg.cond(M)
+
+
+class Gain:
+    """A law, and a load, whose gain may change."""
+
+    k = 10.0
+
+    def __call__(self, t, q, v):
+        return -self.k * q
+
+
+class Spring(Load):
+    """The same as a load of one's own, that looks at its giver."""
+
+    gain = Gain()
+
+    def joint_forces(self, state):
+        return {1: -self.gain.k * state.position(1)}
+
+
+@pytest.mark.parametrize("kind", ["law", "load"])
+def test_gains_that_change_after_compiling_are_not_mixed_with_the_old_ones(kind):
+    pendulum = rd.load(ROBOTS / "pendulum.urdf")
+    gain = Gain() if kind == "law" else Spring.gain
+    load = rd.ControlLaw(gain) if kind == "law" else Spring()
+    scene = rd.Scene(pendulum, loads=[load, rd.JointDamping({"hinge": 0.1})])
+    try:
+        first = rd.simulate(scene, t_end=0.1, q0=[0.2])
+        assert np.array_equal(rd.simulate(scene, t_end=0.1, q0=[0.2]).q, first.q)
+        gain.k = 100.0
+        for again in (
+            lambda: rd.simulate(scene, t_end=0.1, q0=[0.2]),
+            lambda: rd.simulate(scene, t_end=0.1, q0=[0.2], method="rk4"),
+            lambda: rd.simulate(scene, t_end=0.1, q0=[0.2], method="radau"),
+            lambda: rd.simulate_many(scene, t_end=0.1, q0=[0.2]),
+            lambda: scene.reactions([0.2], [0.0]),  # a kernel that is not there yet
+        ):
+            with pytest.raises(rd.InputError, match=rf"the load {type(load).__name__} gives other forces than when.*new rd\.Scene"):
+                again()
+        new = rd.simulate(rd.Scene(pendulum, loads=[load, rd.JointDamping({"hinge": 0.1})]), t_end=0.1, q0=[0.2])
+        asked = rd.simulate(scene, t_end=0.1, q0=[0.2], backend="numpy")  # asks the law itself
+        assert np.allclose(new.q, asked.q, rtol=1e-8)
+        assert abs(new.q[-1] - first.q[-1]) > 1e-3
+    finally:
+        gain.k = 10.0

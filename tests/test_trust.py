@@ -26,6 +26,18 @@ def test_four_axes_through_one_point_are_one_too_many(formalism, backend):
         crossed.forward_dynamics(q, v, formalism=formalism, backend=backend)
 
 
+@pytest.mark.parametrize("backend", ["native", "numpy", "mpmath"])
+@pytest.mark.parametrize("formalism", [*ROUTES, "auto"])
+def test_a_point_mass_on_an_axis_names_its_joint_in_any_arithmetic(formalism, backend):
+    """Two hinges a metre apart and a point mass a metre beyond: folded, it lies on the first axis."""
+    point = Inertia.about_centre(1.0, np.array([-1.0, 0.0, 0.0]), np.zeros((3, 3)))
+    hinge = Revolute.from_axis(np.array([0.0, 0.0, 1.0]))
+    joints = (Joint(GROUND, Fixed(), -1), Joint("one", hinge, 0), Joint("two", hinge, 1, translation=np.array([1.0, 0.0, 0.0])))
+    robot = rd.Robot("folded", (Link("base"), Link("arm"), Link("tip", point)), joints)
+    with pytest.raises(rd.ModelError, match="joint 'one' of 'folded' has no inertia"):
+        robot.forward_dynamics([0.3, 0.0], [0.1, 0.2], formalism=formalism, backend=backend)
+
+
 def test_a_load_on_the_base_is_carried_by_the_ground():
     robot = rd.random_robot(np.random.default_rng(2), 3, joint_types=("revolute",))
     q, v = robot.random_state(np.random.default_rng(3))

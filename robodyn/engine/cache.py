@@ -35,9 +35,7 @@ def folder() -> Path | None:
         status = path.stat()
     except OSError:
         return None
-    # Loading an entry runs it: nobody else may be able to put one there.
-    mine = not hasattr(os, "getuid") or (status.st_uid == os.getuid() and not status.st_mode & 0o022)
-    return path if mine else None
+    return path if _is_mine(status) else None
 
 
 def key(*parts: str) -> str:
@@ -73,6 +71,8 @@ def put(name: str, code: bytes) -> None:
     if (path := folder()) is None:
         return
     with contextlib.suppress(FileError, OSError):
+        if not _is_plain(path / name):  # what is foreign goes, or the new entry would be as open as that
+            (path / name).unlink(missing_ok=True)
         atomic_write(path / name, _head(name, code) + code, mode=0o600)
         _shrink(path)
 
@@ -112,12 +112,18 @@ def _is_ours(file: Path) -> bool:
         return False
 
 
+def _is_mine(status: os.stat_result) -> bool:
+    """Whether a folder or file is the user's own. Loading an entry runs it: nobody else may be able to put one there."""
+    return not hasattr(os, "getuid") or (status.st_uid == os.getuid() and not status.st_mode & 0o022)
+
+
 def _is_plain(file: Path) -> bool:
-    """Whether it is a file itself: no link, and no pipe, whose end a reader would wait for."""
+    """Whether it is a file of the user's itself: no link, and no pipe, whose end a reader would wait for."""
     try:
-        return stat.S_ISREG(file.lstat().st_mode)
+        status = file.lstat()
     except OSError:
         return False
+    return stat.S_ISREG(status.st_mode) and _is_mine(status)
 
 
 def _unfinished(path: Path | None, age: float = -float("inf")) -> list[Path]:

@@ -99,6 +99,8 @@ def simulate_many(
         return _trajectories(scene, wanted, found, method, formalism, dt, started)
     x0 = np.hstack([scene.equations().project(q), v, np.zeros((len(q), 1))])
 
+    scene.evaluator.confirm_loads()
+
     # Blocks of lanes; beyond the last state, the last again.
     width = lanes()
     try:

@@ -80,6 +80,8 @@ def simulate(
         raise InputError(f"q0 and v0 have the leading dimensions {state['q0'].shape[:-1]}: give one state, (nq,) and (nv,)")
     inputs.unit_quaternions("q0", scene.equations().side_conditions(state["q0"]))
     x0 = np.concatenate([scene.equations().project(state["q0"]), state["v0"], [0.0]])
+    if backend == "native":
+        scene.evaluator.confirm_loads()
     in_native_code = backend == "native" and METHODS[method].tableau is not None and scene.evaluator.compiles_steps(formalism)
     integration = Integration(scene, t0, t_end, x0, wanted, method, formalism, {"rtol": rtol, "atol": atol, "dt": dt})
     with _reporter(progress, "compiling" if in_native_code else "simulating") as report:

@@ -98,6 +98,17 @@ def test_a_folder_of_someone_else_is_not_trusted(folder, monkeypatch):
     assert value(3.0) == 6.0
 
 
+def test_an_entry_that_others_could_write_is_compiled_anew(folder):
+    """As one may lie in a folder that was open to others before."""
+    value(3.0)
+    (entry,) = folder.iterdir()
+    os.chmod(entry, 0o666)
+    assert cache.get(entry.name) is None
+    assert value(3.0) == 6.0
+    assert stat.S_IMODE(entry.stat().st_mode) == 0o600
+    assert cache.get(entry.name) is not None
+
+
 def test_off(monkeypatch, tmp_path):
     monkeypatch.setenv(cache.VARIABLE, "off")
     assert cache.folder() is None
