@@ -215,7 +215,8 @@ class Evaluator:
                 if key not in self._kernels:
                     if hasattr(question, "formalism"):
                         refuse_impossible(self.robot, self.views().lumped.tree)
-                    self.confirm_loads(compiling=True)
+                    if question.loaded:
+                        self.confirm_loads(compiling=True)
                     decided = self._decided(question)
                     spare = self._spare.pop(decided, None) if dtype == DOUBLE else None
                     self._kernels[key] = Kernel(spare or self._traced(decided, dtype), dtype)
@@ -226,11 +227,7 @@ class Evaluator:
 
         compiling: a kernel is about to be made; elsewhere nothing is asked of loads that none was made of.
         """
-        own = [
-            load
-            for load in self.views().lumped.loads
-            if type(load).__module__.partition(".")[0] != "robodyn" or isinstance(load, ControlLaw)
-        ]
+        own = [load for load in self.views().lumped.loads if isinstance(load, ControlLaw) or self._is_foreign(load)]
         if not own or not (compiling or self._compiled_loads):
             return
         now = [self._written_down(load) for load in own]
@@ -241,6 +238,10 @@ class Evaluator:
                     "time and state is fixed then. Make a new rd.Scene with it as it is now"
                 )
         self._compiled_loads = now
+
+    def _is_foreign(self, load: Load) -> bool:
+        """Whether a load's code is the user's own; not of large robots, where to follow it from link to link takes as long as a run."""
+        return not self.loops and type(load).__module__.partition(".")[0] != "robodyn"
 
     def _written_down(self, load: Load) -> str:
         """What a load computes, in operations on symbols."""

@@ -27,6 +27,7 @@ class Question:
 
     needs: ClassVar[tuple[str, ...]]
     admissible: ClassVar[bool] = True  # q must satisfy φ(q) = 0; the stages of an integrator are off by its error
+    loaded: ClassVar[bool] = True  # forces of the loads have a part in it
 
     def shapes(self, robot: Mechanism) -> Shapes:
         """Shape of each array of the answer, for one state."""
@@ -127,6 +128,7 @@ class MassMatrix(Question):
     """M̂ (..., nv, nv)."""
 
     needs = ("q",)
+    loaded = False
 
     def shapes(self, robot: Mechanism) -> Shapes:
         return {"M": (robot.nv, robot.nv)}
@@ -181,6 +183,7 @@ class Energies(Question):
     """Kinetic energy and potential energy (...) [J]."""
 
     needs = ("q", "v")
+    loaded = False
 
     def shapes(self, robot: Mechanism) -> Shapes:
         return {"kinetic": (), "potential": ()}
@@ -194,6 +197,7 @@ class Momentum(Question):
     """Angular and linear momentum (..., 6)."""
 
     needs = ("q", "v")
+    loaded = False
 
     def shapes(self, robot: Mechanism) -> Shapes:
         return {"momentum": (6,)}
@@ -207,6 +211,7 @@ class LinkPoses(Question):
     """Poses (..., nlinks, 4, 4)."""
 
     needs = ("q",)
+    loaded = False
 
     def shapes(self, robot: Mechanism) -> Shapes:
         return {"poses": (len(robot.links), 4, 4)}

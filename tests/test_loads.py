@@ -984,3 +984,16 @@ def test_gains_that_change_after_compiling_are_not_mixed_with_the_old_ones(kind)
         assert abs(new.q[-1] - first.q[-1]) > 1e-3
     finally:
         gain.k = 10.0
+
+
+def test_what_loads_have_no_part_in_does_not_ask_them():
+    def law(t, q, v):
+        return -q if q[0] > 0 else q
+
+    scene = rd.Scene(rd.load(ROBOTS / "pendulum.urdf"), loads=[rd.ControlLaw(law)])
+    assert scene.link_poses([0.1]).shape[-2:] == (4, 4)
+    assert scene.mass_matrix([0.1]) > 0
+    assert scene.kinetic_energy([0.1], [0.2]) > 0
+    assert scene.momentum([0.1], [0.2]).shape == (6,)
+    with pytest.raises(rd.InputError, match="cannot be compiled"):
+        scene.forward_dynamics([0.1], [0.2])
