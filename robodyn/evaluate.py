@@ -4,7 +4,7 @@ With `looped` and `shortcuts` the only place that knows both questions and engin
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from importlib.util import find_spec
@@ -36,6 +36,7 @@ UNROLLED = 50  # moving bodies and freedoms up to which a kernel is straight-lin
 WRITTEN_OUT = 100  # up to which "nonrecursive", which has no loops, is compiled all the same; beyond, NumPy answers
 BACKENDS = ("native", "numpy", "mpmath")
 DEFAULT = "native" if find_spec("llvmlite") else "numpy"
+ANSWERS = {"joint_forces": joint_forces, "link_wrenches": link_wrenches}  # of a load, each by what `Question.loaded` calls it
 _NOW, _ZERO = 0.0, np.zeros(1)  # the time where none is given
 
 
@@ -50,7 +51,7 @@ class Evaluator:
         self.step_loops: dict[tuple, Any] = {}  # compiled integrators, by what `simulation.native` compiles them for
         self._spare: dict[Question, Program | Looped] = {}
         self._shortcuts, self._lock = Shortcuts(robot), lock()
-        self._compiled_loads: list[str] | None = None
+        self._compiled_loads: dict[str, list[str]] = {}  # by kind of answer, per load of the user's own
 
     def views(self, backend: str = "numpy") -> Views:
         """The equations of a backend."""
@@ -215,43 +216,41 @@ class Evaluator:
                 if key not in self._kernels:
                     if hasattr(question, "formalism"):
                         refuse_impossible(self.robot, self.views().lumped.tree)
-                    if question.loaded:
-                        self.confirm_loads(compiling=True)
+                    self.confirm_loads(question.loaded, compiling=True)
                     decided = self._decided(question)
                     spare = self._spare.pop(decided, None) if dtype == DOUBLE else None
                     self._kernels[key] = Kernel(spare or self._traced(decided, dtype), dtype)
         return self._kernels[key]
 
-    def confirm_loads(self, *, compiling: bool = False) -> None:
+    def confirm_loads(self, kinds: Sequence[str] = tuple(ANSWERS), *, compiling: bool = False) -> None:
         """InputError where code of the user's own is not what it was when the first kernel was made of it: gains may have changed since.
 
-        compiling: a kernel is about to be made; elsewhere nothing is asked of loads that none was made of.
+        kinds: what is asked of the loads. compiling: a kernel is about to be made; elsewhere only what kernels were made of is looked at.
         """
         own = [load for load in self.views().lumped.loads if isinstance(load, ControlLaw) or self._is_foreign(load)]
-        if not own or not (compiling or self._compiled_loads):
-            return
-        now = [self._written_down(load) for load in own]
-        for load, text, before in zip(own, now, self._compiled_loads or now, strict=True):
-            if text != before:
-                raise InputError(
-                    f"the load {type(load).__name__} gives other forces than when it was compiled for this scene: what it reads beside "
-                    "time and state is fixed then. Make a new rd.Scene with it as it is now"
-                )
-        self._compiled_loads = now
+        for kind in kinds:
+            if not own or not (compiling or kind in self._compiled_loads):
+                continue
+            now = [self._written_down(load, kind) for load in own]
+            for load, text, before in zip(own, now, self._compiled_loads.get(kind, now), strict=True):
+                if text != before:
+                    raise InputError(
+                        f"the load {type(load).__name__} gives other forces than when it was compiled for this scene: what it reads beside "
+                        "time and state is fixed then. Make a new rd.Scene with it as it is now"
+                    )
+            self._compiled_loads[kind] = now
 
     def _is_foreign(self, load: Load) -> bool:
         """Whether a load's code is the user's own; not of large robots, where to follow it from link to link takes as long as a run."""
         return not self.loops and type(load).__module__.partition(".")[0] != "robodyn"
 
-    def _written_down(self, load: Load) -> str:
+    def _written_down(self, load: Load, kind: str) -> str:
         """What a load computes, in operations on symbols."""
         graph = Graph()
         (t,), q, v = (graph.inputs(name, (n,)) for name, n in (("t", 1), ("q", self.robot.nq), ("v", self.robot.nv)))
-        state = State(self.robot, self.views().lumped.tree, t, q, v)
         with np.errstate(all="ignore"):  # as in `_traced`
-            forces = joint_forces(load, state), link_wrenches(load, state)
-        entries = [{i: [getattr(x, "number", x) for x in np.ravel(f)] for i, f in kind.items()} for kind in forces]
-        return repr((graph.nodes, entries))
+            forces = ANSWERS[kind](load, State(self.robot, self.views().lumped.tree, t, q, v))
+        return repr((graph.nodes, {i: [getattr(x, "number", x) for x in np.ravel(f)] for i, f in forces.items()}))
 
     def _decided(self, question: Question) -> Question:
         """The question with "auto" replaced by the cheapest formalism."""

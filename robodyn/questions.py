@@ -27,7 +27,7 @@ class Question:
 
     needs: ClassVar[tuple[str, ...]]
     admissible: ClassVar[bool] = True  # q must satisfy φ(q) = 0; the stages of an integrator are off by its error
-    loaded: ClassVar[bool] = True  # forces of the loads have a part in it
+    loaded: ClassVar[tuple[str, ...]] = ("joint_forces", "link_wrenches")  # what of the loads has a part in it
 
     def shapes(self, robot: Mechanism) -> Shapes:
         """Shape of each array of the answer, for one state."""
@@ -128,7 +128,7 @@ class MassMatrix(Question):
     """M̂ (..., nv, nv)."""
 
     needs = ("q",)
-    loaded = False
+    loaded = ()
 
     def shapes(self, robot: Mechanism) -> Shapes:
         return {"M": (robot.nv, robot.nv)}
@@ -169,6 +169,7 @@ class KnownReactions(Question):
     part: str
     joints: tuple[int, ...]
     needs = ("q", "v", "a", "u")
+    loaded = ("link_wrenches",)
 
     def shapes(self, robot: Mechanism) -> Shapes:
         return {"wrenches": (len(self.joints), 6)}
@@ -183,7 +184,7 @@ class Energies(Question):
     """Kinetic energy and potential energy (...) [J]."""
 
     needs = ("q", "v")
-    loaded = False
+    loaded = ()
 
     def shapes(self, robot: Mechanism) -> Shapes:
         return {"kinetic": (), "potential": ()}
@@ -197,7 +198,7 @@ class Momentum(Question):
     """Angular and linear momentum (..., 6)."""
 
     needs = ("q", "v")
-    loaded = False
+    loaded = ()
 
     def shapes(self, robot: Mechanism) -> Shapes:
         return {"momentum": (6,)}
@@ -211,7 +212,7 @@ class LinkPoses(Question):
     """Poses (..., nlinks, 4, 4)."""
 
     needs = ("q",)
-    loaded = False
+    loaded = ()
 
     def shapes(self, robot: Mechanism) -> Shapes:
         return {"poses": (len(robot.links), 4, 4)}
