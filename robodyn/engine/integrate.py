@@ -29,6 +29,7 @@ INLINED = 3000  # operations of the right-hand side, times its calls, up to whic
 UNROLLED = 48  # entries of a state vector up to which loops over it are written out
 WIDTHS = (8, 4, 2, 1)  # entries of one state that are taken side by side, the most first: whatever the CPU, for the same code
 
+EPS = float(np.finfo(float).eps)
 SAFETY, SHRINK, GROW = 0.9, 0.2, 10.0  # of the step size control, as in SciPy
 
 
@@ -392,8 +393,11 @@ class _Writer:
         h = c.call("double", "llvm.minnum.f64", self.number("h"), left)
         ends = c.value(f"fcmp oge double {h}, {left}")
         t_new = c.value(f"select i1 {ends}, double {self.number('t_end')}, double {c.binary('fadd', 'double', t_old, h)}")
-        smallest = c.value(f"fmul double {c.call('double', 'llvm.fabs.f64', t_old)}, {_hex(16 * np.finfo(float).eps)}")
-        tiny = c.value(f"fcmp ule double {h}, {c.call('double', 'llvm.maxnum.f64', smallest, _hex(1e-300))}")
+        # Near t = 0 times can be told apart for ever: there it is the span that says what is too small.
+        smallest = c.value(f"fmul double {c.call('double', 'llvm.fabs.f64', t_old)}, {_hex(16 * EPS)}")
+        span = c.binary("fsub", "double", self.number("t_end"), self.number("t0"))
+        floor = c.binary("fmul", "double", span, _hex(EPS**2))
+        tiny = c.value(f"fcmp ule double {h}, {c.call('double', 'llvm.maxnum.f64', smallest, floor)}")
         with c.when(c.binary("and", "i1", tiny, c.value(f"xor i1 {ends}, true"))):
             c.leave("i64", str(STEP_TOO_SMALL))
         self._stages(t_old, h)

@@ -15,6 +15,7 @@ from .answers import law_forces
 from .base import Load, State
 
 _ROBODYN = Path(__file__).parents[1]
+LINE = 100  # characters of a line of the user's that are shown
 _INSTEAD = (
     "rd.Sampled(law, dt) runs it as it is, as a digital controller asked once per period; backend='numpy' asks it at every evaluation"
 )
@@ -45,7 +46,9 @@ class ControlLaw(Load):
             frames = [f for f in traceback.extract_tb(error.__traceback__) if not Path(f.filename).is_relative_to(_ROBODYN)]
             # The user's own last line, not one of a library that it called; a library's where the law is one.
             own = [f for f in frames if f.line and "site-packages" not in Path(f.filename).parts] or frames
-            where = f" at {own[-1].filename}:{own[-1].lineno}, `{own[-1].line}`" if own else ""
+            line = (own[-1].line or "") if own else ""
+            line = line if len(line) <= LINE else line[:LINE] + " …"
+            where = f" at {own[-1].filename}:{own[-1].lineno}, `{line}`" if own else ""
             raise InputError(
                 f"the control law cannot be compiled{where}: {error}. Write it with arithmetic and NumPy functions such as np.tanh, "
                 f"without branches on values; or {_INSTEAD}"

@@ -5,6 +5,7 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,8 @@ from .scipy_steps import too_small
 from .step import Step, resolution, span
 from .trajectory import Trajectory
 
+FEW = 20  # steps in Python that are to meet what stopped native code within one of its own
+SOON = (10.0, 600.0)  # [s]: after that time, whoever has to wait for longer than that hears of it
 MOST_FRAMES = 1e8  # results of one trajectory: beyond this memory runs out first
 
 Progress = Callable[[float], None]  # called with the simulated share of the time span, 0…1
@@ -62,7 +65,7 @@ def simulate(
     attribute `trajectory`; ModelError where the motion is undetermined from the start.
     """
     scene = scene if isinstance(scene, Scene) else Scene(scene)
-    inputs.choice("method", method, tuple(METHODS))
+    method = inputs.choice("method", method, tuple(METHODS))
     inputs.choice("formalism", formalism, FORMALISMS)
     inputs.choice("backend", backend, BACKENDS[:2])
     t0, t_end, rtol, dt = (inputs.number(k, x) for k, x in (("t0", t0), ("t_end", t_end), ("rtol", rtol), ("dt", dt)))
@@ -84,10 +87,10 @@ def simulate(
         scene.evaluator.confirm_loads()
     in_native_code = backend == "native" and METHODS[method].tableau is not None and scene.evaluator.compiles_steps(formalism)
     integration = Integration(scene, t0, t_end, x0, wanted, method, formalism, {"rtol": rtol, "atol": atol, "dt": dt})
-    with _reporter(progress, "compiling" if in_native_code else "simulating") as report:
+    with _reporter(progress, "compiling" if in_native_code else "simulating") as show:
         if not (in_native_code and integration.starts_natively()):
             scene.evaluator.ask(Result(formalism), "numpy", t=t0, q=state["q0"], v=state["v0"], tau=None)
-        started, failure = time.perf_counter(), None
+        started, failure, report = time.perf_counter(), None, _patience(show, t0, t_end)
         try:
             integration.run_natively(report) if in_native_code else integration.run_in_python(backend, report)
         except KeyboardInterrupt:
@@ -278,7 +281,7 @@ class Integration:
         end = min(run.t + max(h, resolution(run.t, end)), end)
         try:
             with np.errstate(all="ignore"):
-                for _ in self.steps(run.t, end, "numpy", h or None):  # where a stage of the step fails, so does this one
+                for _ in islice(self.steps(run.t, end, "numpy", h or None), FEW):  # where a stage of the step fails, so does this one
                     pass
         except ModelError as error:
             where = f"at t={run.t:.9g} s" if h else f"the step size went to zero at t={run.t:.9g} s"
@@ -327,6 +330,27 @@ def output_times(t0: float, t_end: float, fps: float | None, times: Sequence[flo
         raise InputError(f"{(t_end - t0) * fps:.3g} results are too many to keep: reduce fps={fps:g}, or give the times you need")
     frames = np.arange(int(np.ceil((t_end - t0) * fps * (1 - 1e-12)))) / fps + t0
     return np.append(frames[frames < t_end - resolution(t0, t_end)], t_end)
+
+
+def _patience(report: Progress, t0: float, t_end: float) -> Progress:
+    """The report, which warns once where the rest will take very long: few expect that of a motion that grows without bound."""
+    started, warned = time.perf_counter(), False
+
+    def watched(share: float) -> None:
+        nonlocal warned
+        report(share)
+        if not warned and (took := time.perf_counter() - started) > SOON[0] and took * (1 - share) > SOON[1] * share:
+            warned = True
+            rest = f"{took * (1 - share) / share / 3600:.3g} hours" if share > 0 else "for ever"
+            warnings.warn(
+                f"after {took:.0f} s the simulation is at t={t0 + share * (t_end - t0):.6g} s of {t_end:g} s and would take {rest} at this "
+                "rate: the motion is very fast, or grows without bound, as under a controller that is asked too seldom. "
+                "Ctrl-C returns what there is",
+                RobodynWarning,
+                stacklevel=4,
+            )
+
+    return watched
 
 
 @contextmanager

@@ -1,9 +1,11 @@
 """The step loop in native code against the same methods in Python, and trajectories side by side in SIMD lanes."""
 
+import re
 import signal
 import subprocess
 import sys
 import threading
+import warnings
 from dataclasses import replace
 from functools import partial
 
@@ -466,3 +468,59 @@ def test_an_inertia_beyond_float64_is_not_taken_for_a_wall(method):
     # Under way: the slider gets there within a step that is otherwise exact.
     with pytest.raises(rd.SimulationError, match="'turn' moves is not finite"):
         rd.simulate(robot, t_end=1.0, v0=[0.0, 1e160], method="rk4", dt=0.5)
+
+
+@pytest.mark.parametrize("method", ["dop853", "rk45"])
+def test_a_step_at_time_zero_shrinks_no_further_than_the_span_resolves(method):
+    """√q is NaN on one side of the start: steps that move q by less than the least number would creep for ever."""
+    robot = rd.load(rods().with_name("ur5e.urdf"))
+    scene = rd.Scene(robot, loads=[rd.ControlLaw(lambda t, q, v: np.sqrt(q))])
+    with pytest.raises(
+        rd.SimulationError, match=r"the step size went to zero at t=0 s: the force in joint '\w+' that the load ControlLaw gives is nan"
+    ):
+        rd.simulate(scene, t_end=1.0, method=method)
+
+
+def test_what_stopped_native_code_is_looked_for_in_few_steps(monkeypatch):
+    """Velocities of 1e80 give steps of which Python would make millions until t_end."""
+    from robodyn.simulation import run
+
+    asked, steps = [], run.Integration.steps
+
+    def counted(self, *arguments, **options):
+        for step in steps(self, *arguments, **options):
+            asked.append(step)
+            yield step
+
+    monkeypatch.setattr(run.Integration, "steps", counted)
+    robot = rd.load(rods().with_name("ur5e.urdf"))
+    with pytest.raises(rd.SimulationError):
+        rd.simulate(robot, t_end=0.1, v0=np.full(6, 1e80))
+    assert len(asked) <= run.FEW
+
+
+@pytest.mark.parametrize(("soon", "warned"), [((0.0, 0.0), True), ((1e9, 0.0), False), ((0.0, 1e9), False)])
+def test_who_will_wait_for_hours_hears_of_it_once(moving, monkeypatch, soon, warned):
+    from robodyn.simulation import run
+
+    monkeypatch.setattr(run, "SOON", soon)
+    scene, q, v = moving
+    monkeypatch.setattr(native, "RECORD", (3, 10**5))  # reports between
+    with warnings.catch_warnings(record=True) as found:
+        warnings.simplefilter("always")
+        whole = rd.simulate(scene, t_end=0.3, q0=q, v0=v, fps=None)
+    assert whole.completed
+    assert len(found) == warned
+    if warned:
+        assert found[0].category is rd.RobodynWarning
+        assert found[0].filename == __file__
+        assert re.search(
+            r"after \d s the simulation is at t=0\.\d+ s of 0\.3 s and would take [\d.e-]+ hours at this rate", str(found[0].message)
+        )
+
+
+def test_methods_by_the_names_that_scipy_gives_them(moving):
+    scene, q, v = moving
+    for name in ("Radau", "BDF", "LSODA", "DOP853", "RK45"):
+        assert rd.simulate(scene, t_end=0.01, q0=q, v0=v, method=name, rtol=1e-4).stats["method"] == name.lower()
+    assert rd.simulate_many(scene, t_end=0.01, q0=q, method="RK4").stats["method"] == "rk4"
