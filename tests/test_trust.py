@@ -103,6 +103,16 @@ def test_the_users_dictionary_may_change_the_load_does_not():
     assert np.array_equal(scene.forward_dynamics([0.1], [1.0], backend="numpy"), before)
 
 
+def test_the_users_list_may_change_the_load_does_not():
+    robot = rd.random_robot(np.random.default_rng(6), 1, joint_types=("revolute",))
+    force, damping = [1.0, 2.0, 3.0], {"joint_1": [2.0]}
+    scene = rd.Scene(robot, loads=[rd.LinkWrench("link_1", force=force), rd.JointDamping(damping)])
+    before = scene.forward_dynamics([0.1], [1.0])
+    force[1], damping["joint_1"][0] = 1e3, 50.0
+    for backend in ("native", "numpy"):
+        assert np.allclose(scene.forward_dynamics([0.1], [1.0], backend=backend), before, rtol=1e-12)
+
+
 def test_results_beyond_float64_are_refused():
     robot = rd.random_robot(np.random.default_rng(7), 2, joint_types=("revolute",))
     for backend in ("native", "numpy"):

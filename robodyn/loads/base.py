@@ -79,7 +79,7 @@ class Load:
     """Forces f̌ᵗ in joints and on links. Override what the load has."""
 
     def __post_init__(self) -> None:
-        for name, value in vars(self).items():  # the user's dictionaries and arrays may change, the load does not
+        for name, value in vars(self).items():  # the user's dictionaries, lists and arrays may change, the load does not
             object.__setattr__(self, name, _kept(value))
 
     conservative: ClassVar[bool] = False  # its work is minus the change of `potential`
@@ -101,9 +101,11 @@ class Load:
 
 
 def _kept(value: Any) -> Any:
-    """A value that its giver can no longer change, as far as it is made of dictionaries and arrays."""
+    """A value that its giver can no longer change, as far as it is made of dictionaries, lists and arrays."""
     if isinstance(value, dict):
         return {key: _kept(x) for key, x in value.items()}
+    if isinstance(value, list):
+        return tuple(map(_kept, value))
     return frozen(value) if isinstance(value, np.ndarray) and value.dtype.kind in "biuf" else value
 
 
