@@ -236,7 +236,7 @@ class Evaluator:
                 if text != before:
                     raise InputError(
                         f"the load {type(load).__name__} gives other forces than when it was compiled for this scene: what it reads beside "
-                        "time and state is fixed then. Make a new rd.Scene with it as it is now"
+                        "time and state is fixed then. Make a new rd.Scene with it as it is now; for results of before, put it back"
                     )
             self._compiled_loads[kind] = now
 

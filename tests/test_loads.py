@@ -968,6 +968,7 @@ def test_gains_that_change_after_compiling_are_not_mixed_with_the_old_ones(kind)
     try:
         first = rd.simulate(scene, t_end=0.1, q0=[0.2])
         assert np.array_equal(rd.simulate(scene, t_end=0.1, q0=[0.2]).q, first.q)
+        rd.simulate_many(scene, t_end=0.1, q0=[0.2])
         gain.k = 100.0
         for again in (
             lambda: rd.simulate(scene, t_end=0.1, q0=[0.2]),

@@ -416,7 +416,7 @@ class _Writer:
         ceiling = c.value(f"select i1 {good}, double {ceiling}, double {_hex(1.0)}")
         factor = c.call("double", "llvm.minnum.f64", c.call("double", "llvm.maxnum.f64", factor, _hex(SHRINK)), ceiling)
         self.put("shrink", c.value(f"select i1 {good}, double {_hex(0.0)}, double {_hex(1.0)}"))
-        # The last step may have been cut short: what it says about h counts only if it asks for less.
+        # The last step may have been cut short: what it says about h does not count then.
         wanted = c.binary("fmul", "double", h, factor)
         cut = c.binary("and", "i1", ends, good)
         self.put("h", c.value(f"select i1 {cut}, double {self.number('h')}, double {wanted}"))

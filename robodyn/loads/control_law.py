@@ -26,9 +26,10 @@ class ControlLaw(Load):
     """`ControlLaw(lambda t, q, v: -50 * q - 5 * v)`: called with t, q (nq,), v (nv,), returns tau (nv,).
 
     A mimic joint's coordinate is driven at its leader. Compiled, the law runs once per kernel, on symbols: what it reads beside t, q and v
-    keeps the value that it has then, so other gains need a new Scene (`simulate` refuses a law that has changed). Arithmetic, comparisons
-    joined by & | ^ ~, np.where, np.select, np.clip, np.minimum, np.maximum, np.sign, np.floor, % (to wrap an angle), np.linalg.norm and
-    NumPy's elementary functions pass; a branch on a value does not. What np.where does not choose is computed all the same.
+    keeps the value that it has then, so other gains need a new Scene. (`simulate`, and kernels made later, refuse a law that has changed;
+    a question that has its kernel does not look.) Arithmetic, comparisons joined by & | ^ ~, np.where, np.select, np.clip, np.minimum,
+    np.maximum, np.sign, np.floor, % (to wrap an angle), np.linalg.norm and NumPy's elementary functions pass; a branch on a value does not.
+    What np.where does not choose is computed all the same.
     """
 
     law: Callable[[float, Array, Array], Array]
