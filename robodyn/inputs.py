@@ -13,11 +13,15 @@ UNIT_TOLERANCE = 1e-6  # how far |quaternion|² may be from 1: room for files in
 
 
 def choice(name: str, value: str, choices: Sequence[str]) -> str:
-    """`value` if it is one of `choices`, as it is written there."""
-    for known in choices:
-        if value == known or (isinstance(value, str) and value.lower() == known.lower()):
-            return known
-    raise InputError(f"{name}={value!r} is not known: choose one of {', '.join(map(repr, choices))}")
+    """`value` if it is one of `choices`."""
+    if value not in choices:
+        raise InputError(f"{name}={value!r} is not known: choose one of {', '.join(map(repr, choices))}")
+    return value
+
+
+def method(value: str, choices: Sequence[str]) -> str:
+    """The one of `choices` that `value` names, in capitals or not: SciPy writes them either way."""
+    return choice("method", value.lower() if isinstance(value, str) and value.lower() in choices else value, choices)
 
 
 PRECISIONS = (np.dtype(np.float64), np.dtype(np.float32))

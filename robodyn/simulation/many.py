@@ -74,7 +74,7 @@ def simulate_many(
             "or write it as a rd.ControlLaw"
         )
     names = [name for name, integrator in METHODS.items() if integrator.tableau and not integrator.adaptive]
-    method = inputs.choice("method", method, names)
+    method = inputs.method(method, names)
     inputs.choice("formalism", formalism, [f for f in FORMALISMS if f not in SADDLES])
     t0, t_end, dt = (inputs.number(k, x) for k, x in (("t0", t0), ("t_end", t_end), ("dt", dt)))
     span(t0, t_end)

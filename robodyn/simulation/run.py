@@ -65,7 +65,7 @@ def simulate(
     attribute `trajectory`; ModelError where the motion is undetermined from the start.
     """
     scene = scene if isinstance(scene, Scene) else Scene(scene)
-    method = inputs.choice("method", method, tuple(METHODS))
+    method = inputs.method(method, tuple(METHODS))
     inputs.choice("formalism", formalism, FORMALISMS)
     inputs.choice("backend", backend, BACKENDS[:2])
     t0, t_end, rtol, dt = (inputs.number(k, x) for k, x in (("t0", t0), ("t_end", t_end), ("rtol", rtol), ("dt", dt)))
