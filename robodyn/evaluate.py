@@ -4,7 +4,7 @@ With `looped` and `shortcuts` the only place that knows both questions and engin
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from importlib.util import find_spec
@@ -23,20 +23,19 @@ from .engine.program import Program, program
 from .engine.sweeps import Recorder
 from .equations import SADDLES, SWEEPS, Views
 from .errors import InputError, ModelError
-from .loads import ControlLaw, Load, State
-from .loads.answers import joint_forces, link_wrenches
+from .loads import Load, State
 from .looped import LoopedViews
 from .model import Mechanism
 from .processes import cached_property, lock, without_collections
 from .questions import Answer, Evolution, ForwardDynamics, JointReactions, MassMatrix, Question
 from .shortcuts import Shortcuts
 from .trust import refuse_impossible, refuse_infinite, refuse_infinite_loads, refuse_massless, refuse_undetermined, smallest_pivots
+from .unchanged import Unchanged
 
 UNROLLED = 50  # moving bodies and freedoms up to which a kernel is straight-line code: beyond, that takes seconds to compile
 WRITTEN_OUT = 100  # up to which "nonrecursive", which has no loops, is compiled all the same; beyond, NumPy answers
 BACKENDS = ("native", "numpy", "mpmath")
 DEFAULT = "native" if find_spec("llvmlite") else "numpy"
-ANSWERS = {"joint_forces": joint_forces, "link_wrenches": link_wrenches}  # of a load, each by what `Question.loaded` calls it
 _NOW, _ZERO = 0.0, np.zeros(1)  # the time where none is given
 
 
@@ -51,7 +50,6 @@ class Evaluator:
         self.step_loops: dict[tuple, Any] = {}  # compiled integrators, by what `simulation.native` compiles them for
         self._spare: dict[Question, Program | Looped] = {}
         self._shortcuts, self._lock = Shortcuts(robot), lock()
-        self._compiled_loads: dict[str, list[str]] = {}  # by kind of answer, per load of the user's own
 
     def views(self, backend: str = "numpy") -> Views:
         """The equations of a backend."""
@@ -216,41 +214,16 @@ class Evaluator:
                 if key not in self._kernels:
                     if hasattr(question, "formalism"):
                         refuse_impossible(self.robot, self.views().lumped.tree)
-                    self.confirm_loads(question.loaded, compiling=True)
+                    self.unchanged.confirm(question.loaded, compiling=True)
                     decided = self._decided(question)
                     spare = self._spare.pop(decided, None) if dtype == DOUBLE else None
                     self._kernels[key] = Kernel(spare or self._traced(decided, dtype), dtype)
         return self._kernels[key]
 
-    def confirm_loads(self, kinds: Sequence[str] = tuple(ANSWERS), *, compiling: bool = False) -> None:
-        """InputError where code of the user's own is not what it was when the first kernel was made of it: gains may have changed since.
-
-        kinds: what is asked of the loads. compiling: a kernel is about to be made; elsewhere only what kernels were made of is looked at.
-        """
-        own = [load for load in self.views().lumped.loads if isinstance(load, ControlLaw) or self._is_foreign(load)]
-        for kind in kinds:
-            if not own or not (compiling or kind in self._compiled_loads):
-                continue
-            now = [self._written_down(load, kind) for load in own]
-            for load, text, before in zip(own, now, self._compiled_loads.get(kind, now), strict=True):
-                if text != before:
-                    raise InputError(
-                        f"the load {type(load).__name__} gives other forces than when it was compiled for this scene: what it reads beside "
-                        "time and state is fixed then. Make a new rd.Scene with it as it is now; for results of before, put it back"
-                    )
-            self._compiled_loads[kind] = now
-
-    def _is_foreign(self, load: Load) -> bool:
-        """Whether a load's code is the user's own; not of large robots, where to follow it from link to link takes as long as a run."""
-        return not self.loops and type(load).__module__.partition(".")[0] != "robodyn"
-
-    def _written_down(self, load: Load, kind: str) -> str:
-        """What a load computes, in operations on symbols."""
-        graph = Graph()
-        (t,), q, v = (graph.inputs(name, (n,)) for name, n in (("t", 1), ("q", self.robot.nq), ("v", self.robot.nv)))
-        with np.errstate(all="ignore"):  # as in `_traced`
-            forces = ANSWERS[kind](load, State(self.robot, self.views().lumped.tree, t, q, v))
-        return repr((graph.nodes, {i: [getattr(x, "number", x) for x in np.ravel(f)] for i, f in forces.items()}))
+    @cached_property
+    def unchanged(self) -> Unchanged:
+        """The loads' code, as kernels were compiled from it."""
+        return Unchanged(self.robot, self.views().lumped.tree, self.views().lumped.loads, large=self.loops)
 
     def _decided(self, question: Question) -> Question:
         """The question with "auto" replaced by the cheapest formalism."""
@@ -359,7 +332,7 @@ class Evaluator:
         held: joint forces ("held", nv) act beside the loads.
         """
         refuse_impossible(self.robot, self.views().lumped.tree)
-        self.confirm_loads(compiling=True)
+        self.unchanged.confirm(compiling=True)
         formalism = self.cheapest if formalism == "auto" else formalism
         (graph, views), nq, nv = self._symbolic(self.loops and formalism == "recursive"), self.robot.nq, self.robot.nv
         sizes = {"t": 1, "x": nq + nv + 1} | ({"h": 1} if semi_implicit else {}) | ({"held": nv} if held else {})

@@ -18,13 +18,10 @@ STATES = 256  # random ones
 LOSS = 1.5  # of the root mean square of errors; in as many other states it is found anew within a fifth
 PUSH = 30.0  # [rad/s², m/s²]: what joint forces could do to the mean inertia of their own coordinate, as motors are sized
 WEIGHT = np.array([0.0, 0.0, -9.81])  # [m/s²]
-MANY = 100  # moving bodies beyond which no kernel uses base parameters
 
 
 def reduced(mechanism: Mechanism, tree: Tree) -> Minimal | None:
     """The lumped tree of a robot with base inertial parameters; None where these cost digits."""
-    if len(tree.bodies) > MANY:
-        return None
     known = remembered.choice(mechanism, "base parameters", ("yes", "no"), lambda: "no" if costs_digits(mechanism) else "yes")
     return minimal(tree) if known == "yes" else None
 

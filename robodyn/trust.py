@@ -21,9 +21,9 @@ def smallest_pivots(tree: Tree, solution: Solution, eps: float = EPS) -> Array:
     """What each pivot (nv,) must exceed: it is left over from eliminations of some dozens of roundings each.
 
     For few freedoms, a share of what it can have to move in any position, after nv eliminations, whose roundings add up as a random walk
-    does: were all of one sign, float32 would refuse robots that it can do. In a chain of thousands that bound
-    grows without saying anything; there it is what the joint has to move with its children locked, if the route knows it: errors from
-    further away have passed through the freedoms between.
+    does: were all of one sign, float32 would refuse robots that it can do. (What is left of a pivot that is zero is one such rounding at
+    most: tests/test_trust.py.) In a chain of thousands that bound grows without saying anything; there it is what the joint has to move
+    with its children locked, if the route knows it: errors from further away have passed through the freedoms between.
     """
     if tree.nv <= FEW or solution.moved is None:
         return 64 * np.sqrt(tree.nv + 1) * eps * tree.pivot_scales

@@ -38,6 +38,27 @@ def test_a_point_mass_on_an_axis_names_its_joint_in_any_arithmetic(formalism, ba
         robot.forward_dynamics([0.3, 0.0], [0.1, 0.2], formalism=formalism, backend=backend)
 
 
+@pytest.mark.parametrize("formalism", ["recursive", "nonrecursive"])
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+@pytest.mark.parametrize("n", [8, 24, 44])
+def test_two_joints_on_one_axis_are_refused_among_any_number_of_freedoms(n, dtype, formalism):
+    """Askew in a chain, a massless link between them: nothing says which of the two turns, whatever the rounding of the others."""
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        chain = rd.random_robot(rng, n, branching=0.0, joint_types=("revolute",), fixed=0.0)
+        first, axis = int(rng.integers(1, n)), rng.normal(size=3)
+        joints, links = list(chain.joints), list(chain.links)
+        joints[first] = replace(joints[first], type=Revolute.from_axis(axis))
+        along = frozen(0.3 * axis / np.linalg.norm(axis))
+        joints[first + 1] = replace(joints[first + 1], type=Revolute.from_axis(axis), translation=along, rotation=frozen(np.eye(3)))
+        links[first] = Link(links[first].name)
+        robot = replace(chain, joints=tuple(joints), links=tuple(links))
+        q = np.stack([robot.random_state(rng)[0] for _ in range(64)])
+        for one in (q[0], q[1], q):
+            with pytest.raises(rd.ModelError, match=rf"joint '{joints[first].name}' of .* has no inertia"):
+                robot.forward_dynamics(one, 0.0 * one, dtype=dtype, formalism=formalism)
+
+
 def test_a_load_on_the_base_is_carried_by_the_ground():
     robot = rd.random_robot(np.random.default_rng(2), 3, joint_types=("revolute",))
     q, v = robot.random_state(np.random.default_rng(3))

@@ -22,7 +22,7 @@ from ..scene import Scene
 from . import native
 from .methods import METHODS
 from .run import MOST_FRAMES, output_times, simulate
-from .step import span, step_count, step_times
+from .step import refuse_empty, step_count, step_times
 from .trajectory import Trajectory
 
 
@@ -77,7 +77,7 @@ def simulate_many(
     method = inputs.method(method, names)
     inputs.choice("formalism", formalism, [f for f in FORMALISMS if f not in SADDLES])
     t0, t_end, dt = (inputs.number(k, x) for k, x in (("t0", t0), ("t_end", t_end), ("dt", dt)))
-    span(t0, t_end)
+    refuse_empty(t0, t_end)
     if dt <= 0:
         raise InputError(f"dt={dt:g} must be positive")
     wanted = output_times(t0, t_end, fps, times)
@@ -99,7 +99,7 @@ def simulate_many(
         return _trajectories(scene, wanted, found, method, formalism, dt, started)
     x0 = np.hstack([scene.equations().project(q), v, np.zeros((len(q), 1))])
 
-    scene.evaluator.confirm_loads()
+    scene.evaluator.unchanged.confirm()
 
     # Blocks of lanes; beyond the last state, the last again.
     width = lanes()

@@ -24,7 +24,7 @@ from . import native
 from .methods import METHODS
 from .sampling import Sampling
 from .scipy_steps import too_small
-from .step import Step, resolution, span
+from .step import Step, refuse_empty, resolution
 from .trajectory import Trajectory
 
 FEW = 20  # steps in Python that are to meet what stopped native code within one of its own
@@ -70,7 +70,7 @@ def simulate(
     inputs.choice("backend", backend, BACKENDS[:2])
     t0, t_end, rtol, dt = (inputs.number(k, x) for k, x in (("t0", t0), ("t_end", t_end), ("rtol", rtol), ("dt", dt)))
     atol = rtol if atol is None else inputs.number("atol", atol)
-    span(t0, t_end)
+    refuse_empty(t0, t_end)
     if min(rtol, atol, dt) <= 0 or rtol < 1e-13:
         raise InputError(f"rtol={rtol:g}, atol={atol:g} and dt={dt:g} must be positive, rtol at least 1e-13: float64 resolves no more")
     if not isinstance(progress, bool) and not callable(progress):
@@ -84,7 +84,7 @@ def simulate(
     inputs.unit_quaternions("q0", scene.equations().side_conditions(state["q0"]))
     x0 = np.concatenate([scene.equations().project(state["q0"]), state["v0"], [0.0]])
     if backend == "native":
-        scene.evaluator.confirm_loads()
+        scene.evaluator.unchanged.confirm()
     in_native_code = backend == "native" and METHODS[method].tableau is not None and scene.evaluator.compiles_steps(formalism)
     integration = Integration(scene, t0, t_end, x0, wanted, method, formalism, {"rtol": rtol, "atol": atol, "dt": dt})
     with _reporter(progress, "compiling" if in_native_code else "simulating") as show:

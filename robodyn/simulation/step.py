@@ -30,13 +30,12 @@ def resolution(t0: float, t_end: float) -> float:
     return 32 * EPS * max(abs(t0), abs(t_end))
 
 
-def span(t0: float, t_end: float) -> float:
-    """The length [s] of a span of time; InputError where it ends no later than it starts, or times within it are all one."""
+def refuse_empty(t0: float, t_end: float) -> None:
+    """InputError where a span of time [s] ends no later than it starts, or times within it are all one."""
     if not t_end > t0:
         raise InputError(f"t_end={t_end} must be later than t0={t0}")
     if t_end - t0 <= (same := resolution(t0, t_end)):
         raise InputError(f"t0={t0} and t_end={t_end} are closer than {same:.3g} s, which is too close to tell times apart: start from t0=0")
-    return t_end - t0
 
 
 def step_count(t0: float, t_end: float, dt: float) -> int:
