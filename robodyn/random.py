@@ -4,8 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .algebra import frozen, normalised, rotation_from_quaternion
-from .arithmetic import orthonormal
+from .arithmetic.vectors import frozen, normalised, orthonormal, rotation_from_quaternion
 from .errors import InputError
 from .joints import JOINT_TYPES, Fixed, Free
 from .model import GROUND, Inertia, Joint, Link

@@ -7,11 +7,11 @@ from types import FunctionType
 from typing import Self
 
 from .arithmetic import Array
+from .dynamics.questions import ForwardDynamics, InverseDynamics, Question
 from .formalism.reactions import Reactions
 from .model import Mechanism
-from .processes import cached_property
-from .questions import ForwardDynamics, InverseDynamics, Question
 from .scene import EARTH, Scene
+from .system.processes import cached_property
 
 REMEMBERED = 8  # scenes of other gravities than the Earth's whose kernels a robot keeps
 

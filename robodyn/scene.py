@@ -6,16 +6,17 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import DTypeLike
 
-from . import inputs, questions
-from .algebra import frozen
 from .arithmetic import Array
-from .equations import FORMALISMS, Equations
+from .arithmetic.vectors import frozen
+from .checks import inputs
+from .dynamics import questions
+from .dynamics.equations import FORMALISMS, Equations
 from .errors import InputError, ModelError
-from .evaluate import DEFAULT, Evaluator
+from .evaluation.evaluator import DEFAULT, Evaluator
 from .formalism.reactions import FRAMES, PARTS, Reactions
 from .loads import JointDamping, JointFriction, Load, Sampled
 from .model import Mechanism
-from .processes import cached_property
+from .system.processes import cached_property
 
 EARTH = (0.0, 0.0, -9.81)
 CHOICES = {"formalism": FORMALISMS, "frame": FRAMES, "part": PARTS}

@@ -9,11 +9,11 @@ import pytest
 from tools import case, condition, error
 
 import robodyn as rd
-from robodyn import arithmetic
-from robodyn.engine.graph import Graph
-from robodyn.engine.kernel import SINGLE, Kernel
-from robodyn.engine.program import program
-from robodyn.questions import ForwardDynamics
+from robodyn.arithmetic import functions as arithmetic
+from robodyn.dynamics.questions import ForwardDynamics
+from robodyn.engine.run.kernel import SINGLE, Kernel
+from robodyn.engine.trace.graph import Graph
+from robodyn.engine.trace.program import program
 
 EPS = float(np.finfo(np.float32).eps)
 C = 20  # a sweep of some dozens of roundings, which add up like their square root

@@ -10,16 +10,17 @@ import pytest
 from tools import EPS, case, condition, error
 
 import robodyn as rd
-from robodyn import composed, evaluate
-from robodyn.algebra import frozen, rotation
-from robodyn.engine import blocks, integrate, kernel as kernels
-from robodyn.engine.layout import Looped
-from robodyn.engine.sweeps import Recorder
+from robodyn.arithmetic.vectors import frozen, rotation
+from robodyn.dynamics.questions import Balance, Energies, Evolution, ForwardDynamics, JointReactions
+from robodyn.engine.emit import blocks, integrate
+from robodyn.engine.run import kernel as kernels
+from robodyn.engine.trace.layout import Looped
+from robodyn.engine.trace.sweeps import Recorder
+from robodyn.evaluation import composed, evaluator as evaluate
+from robodyn.evaluation.looped import KINDS, LoopedTree
 from robodyn.joints import JOINT_TYPES, Fixed
 from robodyn.loads import Load
-from robodyn.looped import KINDS, LoopedTree
 from robodyn.model import GROUND, Inertia, Joint, Link, Mimic
-from robodyn.questions import Balance, Energies, Evolution, ForwardDynamics, JointReactions
 from robodyn.report.timing import fresh
 from robodyn.simulation.methods import METHODS
 
@@ -31,7 +32,7 @@ EXACT = {"backend": "mpmath", "formalism": "recursive"}  # O(n) in 50 digits too
 @pytest.fixture
 def all_looped(monkeypatch):
     """Kernels of every robot loop, however few bodies it has."""
-    monkeypatch.setattr("robodyn.evaluate.UNROLLED", 0)
+    monkeypatch.setattr("robodyn.evaluation.evaluator.UNROLLED", 0)
 
 
 @pytest.fixture(scope="module")
@@ -265,7 +266,7 @@ def test_steps_are_those_of_straight_line_code(method, monkeypatch):
     options = {"t_end": 0.05, "q0": c.q, "v0": c.v, "method": method, "dt": 2e-3, "rtol": 1e-9, "fps": 70, "formalism": "recursive"}
     runs = []
     for unrolled in (0, 60):
-        monkeypatch.setattr("robodyn.evaluate.UNROLLED", unrolled)
+        monkeypatch.setattr("robodyn.evaluation.evaluator.UNROLLED", unrolled)
         scene = rd.Scene(c.robot, loads=[rd.JointDamping(damping), rd.LinkWrench("link_2", force=(1.0, 2.0, 3.0))])
         assert isinstance(scene.evaluator.evolution("recursive"), Looped) == (unrolled == 0)
         runs.append(rd.simulate(scene, **options))

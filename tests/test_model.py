@@ -9,8 +9,8 @@ import pytest
 from tools import EPS, SEEDS, Reference, case, condition, error, many_digits
 
 import robodyn as rd
-from robodyn.algebra import congruent, rotation
-from robodyn.equations import SWEEPS
+from robodyn.arithmetic.vectors import congruent, rotation
+from robodyn.dynamics.equations import SWEEPS
 from robodyn.formalism.kinematics import motion
 from robodyn.formalism.nonrecursive import bias_forces, mass_matrix, nonrecursive
 from robodyn.formalism.reactions import joint_wrenches

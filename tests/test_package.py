@@ -77,7 +77,14 @@ def test_every_module_can_be_imported_first(module):
 
 def test_no_circles():
     """A few modules imported alone in a fresh interpreter: each an entrance of its own."""
-    for module in ("robodyn.loads", "robodyn.formalism.reactions", "robodyn.records", "robodyn.cli", "robodyn.view", "robodyn.simulation"):
+    for module in (
+        "robodyn.loads",
+        "robodyn.formalism.reactions",
+        "robodyn.simulation.records",
+        "robodyn.cli",
+        "robodyn.view",
+        "robodyn.simulation",
+    ):
         child(f"import {module}")
 
 
@@ -132,32 +139,75 @@ def within(module, *packages):
     return any(module == f"robodyn.{p}" or module.startswith(f"robodyn.{p}.") for p in packages)
 
 
-ABOVE = (
-    *("equations", "questions", "trust", "inputs", "evaluate", "scene", "robot", "random", "records"),
-    *("simulation", "view", "cli", "urdf", "report", "engine"),
-)
-LAYERS = {
-    "arithmetic": ("algebra", "joints", "model", "formalism", "loads", *ABOVE),
-    "algebra": ("joints", "model", "formalism", "loads", *ABOVE),
-    "joints": ("model", "formalism", "loads", *ABOVE),
-    "model": ("formalism", "loads", *ABOVE),
-    "formalism": ("loads", *ABOVE),
-    "loads": ABOVE,
-    "equations": ABOVE[1:],
-    "questions": ABOVE[3:],
-    "evaluate": ABOVE[5:-1],
-    "scene": ABOVE[6:],
-    "engine": ("joints", "model", "formalism", "loads", *ABOVE[:-1]),
-    "urdf": ("formalism", "loads", *(name for name in ABOVE if name != "urdf")),
-    "view": ("formalism", "loads", *(name for name in ABOVE if name != "view")),
+# Each room, and those that its code may know, by whatever way: what these import counts as well.
+ROOMS = {
+    "errors": (),
+    "system": ("errors",),
+    "arithmetic": ("errors",),
+    "joints": ("arithmetic",),
+    "model": ("joints", "system"),
+    "formalism": ("model",),
+    "loads": ("formalism",),
+    "checks": ("loads",),
+    "dynamics": ("loads",),
+    "engine.trace": ("arithmetic", "system"),
+    "engine.emit": ("engine.trace",),
+    "engine.run": ("engine.emit",),
+    "evaluation": ("dynamics", "checks", "engine.run"),
+    "scene": ("evaluation",),
+    "urdf": ("model",),
+    "robot": ("scene", "urdf"),
+    "random": ("robot",),
+    "view": ("model",),
+    "simulation": ("robot", "view"),
+    "report": ("simulation", "random"),
+    "cli": ("report",),
 }
 
 
-@pytest.mark.parametrize("layer", LAYERS)
-def test_no_layer_knows_the_ones_above(layer):
-    """formalism, joints, loads and model never import what uses them; the engine knows nothing about robots."""
-    found = {(m, i) for m in FILES if within(m, layer) for i in imports(m) if within(i, *LAYERS[layer])}
+def room(module):
+    """The room that a module, or a name imported from it, belongs to; None for the package itself and for what is no part of it."""
+    return next((name for name in ROOMS if within(module, name)), None)
+
+
+def below(name):
+    """The rooms that a room may know."""
+    return set().union(*({other, *below(other)} for other in ROOMS[name]))
+
+
+def reached(module):
+    """The modules of the package that a module imports, and that those import, and so on."""
+    found, todo = {}, [(module, ())]
+    while todo:
+        current, way = todo.pop()
+        for name in imports(current):
+            target = name if name in FILES else name.rpartition(".")[0]
+            if target in FILES and target not in ("robodyn", module) and target not in found:
+                found[target] = (*way, target)
+                todo.append((target, found[target]))
+    return found
+
+
+def test_every_module_is_in_a_room():
+    assert not [m for m in FILES if m != "robodyn" and m != "robodyn.engine" and room(m) is None]
+
+
+@pytest.mark.parametrize("name", ROOMS)
+def test_no_room_knows_those_above(name):
+    """Followed through: what a room's imports import is known to it as well."""
+    allowed = {name, *below(name)}
+    found = {m: way for start in FILES if within(start, name) for m, way in reached(start).items() if room(m) not in allowed}
     assert not found
+
+
+def test_no_circle_of_imports():
+    """No module leads back to itself, whichever way, imports inside functions and for type checkers alone included."""
+    direct = {m: {n if n in FILES else n.rpartition(".")[0] for n in imports(m)} & set(FILES) - {m, "robodyn"} for m in FILES}
+    order, left = [], dict(direct)
+    while ready := [m for m, needs in left.items() if not needs & set(left)]:
+        order += ready
+        left = {m: needs for m, needs in left.items() if m not in ready}
+    assert not left, f"in circles: {sorted(left)}"
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import threading
 
 import pytest
 
-from robodyn.processes import together, without_collections
+from robodyn.system.processes import together, without_collections
 
 
 def test_work_is_shared_and_the_first_share_is_the_callers():

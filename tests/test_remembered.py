@@ -7,10 +7,10 @@ import pytest
 from tools import case
 
 import robodyn as rd
-from robodyn import remembered
-from robodyn.engine import cache
-from robodyn.evaluate import Evaluator
+from robodyn.evaluation import remembered
+from robodyn.evaluation.evaluator import Evaluator
 from robodyn.joints import Revolute
+from robodyn.system import cache
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ import pytest
 from tools import EPS, ROUTES
 
 import robodyn as rd
-from robodyn.algebra import frozen
+from robodyn.arithmetic.vectors import frozen
 from robodyn.joints import Fixed, Planar, Prismatic, Revolute
 from robodyn.loads import Load
 from robodyn.model import GROUND, Inertia, Joint, Link, Mimic

@@ -18,9 +18,9 @@ from rich.control import Control
 from rich.segment import ControlType
 
 from ..errors import InputError
-from ..files import atomic_write, writable
 from ..report import KINDS, Row, Settings, Subject, Timing, chain_rows, facts, machine, rows
 from ..report.chains import COUNTS
+from ..system.files import atomic_write, writable
 from .common import assignments, loading_arguments, print_table
 
 HEADINGS = ("work", "peer", "robodyn (quartiles)", "peer (quartiles)", "times faster", "error", "peer's error", "remark")

@@ -5,7 +5,7 @@ The environment variable ROBODYN_CACHE names another folder, or turns the cache 
 
 import argparse
 
-from ..engine import cache
+from ..system import cache
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:

@@ -5,8 +5,8 @@ The saddle-point routes solve with these; the sweeps of the other routes are the
 
 import numpy as np
 
-from ..algebra import mul, transpose
 from ..arithmetic import Array, zeros
+from ..arithmetic.vectors import mul, transpose
 from ..model import Field, Tree
 from .kinematics import Motion
 from .spatial import twist_matrix

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from ..algebra import dot, mul
 from ..arithmetic import Array
+from ..arithmetic.vectors import dot, mul
 from ..model import Body, Tree
 from .kinematics import Motion, world_poses
 from .spatial import Pose, RigidInertia, wrench_to_parent

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..algebra import cross, joined, mul, transpose
 from ..arithmetic import Array, known
+from ..arithmetic.vectors import cross, joined, mul, transpose
 from ..model import Body, Field, Tree
 from .spatial import Pose, angular, linear, twist_to_child
 

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..algebra import cross, joined, mul, transpose
 from ..arithmetic import Array
+from ..arithmetic.vectors import cross, joined, mul, transpose
 from ..model import Body, Field, Inertia, Tree
 from .kinematics import Motion, accelerations, falling_ground
 from .spatial import RigidInertia, angular

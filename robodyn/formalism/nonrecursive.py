@@ -6,8 +6,8 @@ inward sweep of f̌ᵏ at η̇ = 0. The fewest operations on small robots.
 
 import numpy as np
 
-from ..algebra import skew, stacked, transpose
 from ..arithmetic import Array, dtype_of, zeros
+from ..arithmetic.vectors import skew, stacked, transpose
 from ..model import Body, Field, Tree
 from . import ldl
 from .constraints import batch_of, coordinate_forces

@@ -7,8 +7,8 @@ link's origin), resolved in the child link's frame unless another frame is asked
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from ..algebra import joined, mul
 from ..arithmetic import Array
+from ..arithmetic.vectors import joined, mul
 from ..errors import UnknownNameError
 from ..model import Body, Field, Tree
 from .kinematics import Motion, accelerations, falling_ground, joint_position, world_poses

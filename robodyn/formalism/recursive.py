@@ -2,8 +2,8 @@
 
 from typing import NamedTuple
 
-from ..algebra import column, dot, stacked
 from ..arithmetic import Array
+from ..arithmetic.vectors import column, dot, stacked
 from ..errors import ModelError
 from ..model import Body, Tree
 from .kinematics import falling_ground, motion

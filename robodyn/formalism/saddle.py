@@ -5,8 +5,8 @@ O(n³), with the constraint wrenches as unknowns of their own and gravity as a w
 
 import numpy as np
 
-from ..algebra import mul, transpose
-from ..arithmetic import Array, dtype_of, solve, zeros
+from ..arithmetic import Array, dtype_of, zeros
+from ..arithmetic.vectors import mul, solve, transpose
 from ..model import Tree
 from .constraints import B_matrix, C_matrix, J_matrix, batch_of, relative_accelerations
 from .kinematics import Motion, joint_position, motion, world_poses

@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..algebra import column, congruent, cross, dot, joined, mirrored, mul, skew, stacked, transpose
 from ..arithmetic import Array, dtype_of, known, zeros
+from ..arithmetic.vectors import column, congruent, cross, dot, joined, mirrored, mul, skew, stacked, transpose
 from ..model import Inertia
 
 

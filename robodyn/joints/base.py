@@ -10,8 +10,8 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from ..algebra import frozen
-from ..arithmetic import Array, exact, unit
+from ..arithmetic import Array, exact
+from ..arithmetic.vectors import frozen, unit
 
 
 @dataclass(frozen=True, eq=False)

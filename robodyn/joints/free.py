@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..algebra import cross, dot, joined, mul, normalised, quaternion_rate, rotation_from_quaternion
 from ..arithmetic import Array
+from ..arithmetic.vectors import cross, dot, joined, mul, normalised, quaternion_rate, rotation_from_quaternion
 from .base import JointType
 
 

@@ -5,8 +5,8 @@ from typing import Self
 
 import numpy as np
 
-from ..algebra import cross, frozen, rotation, transpose
-from ..arithmetic import Array, cos, exact, sin, unit, zeros
+from ..arithmetic import Array, cos, exact, sin, zeros
+from ..arithmetic.vectors import cross, frozen, rotation, transpose, unit
 from .base import AxisJoint
 
 

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..algebra import rotation
 from ..arithmetic import Array, cos, sin
+from ..arithmetic.vectors import rotation
 from .base import AxisJoint
 
 

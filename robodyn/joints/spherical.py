@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..algebra import dot, normalised, quaternion_rate, rotation_from_quaternion
 from ..arithmetic import Array
+from ..arithmetic.vectors import dot, normalised, quaternion_rate, rotation_from_quaternion
 from .base import JointType
 
 

@@ -6,7 +6,7 @@ from numbers import Real
 import numpy as np
 
 from ..arithmetic import Array
-from ..dispatch import Symbolic
+from ..arithmetic.symbols import Symbolic
 from ..errors import InputError
 from ..model import Mechanism
 from .base import Load, State

@@ -7,14 +7,14 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..algebra import frozen
 from ..arithmetic import Array, exact, is_exact
-from ..dispatch import symbols
+from ..arithmetic.symbols import symbols
+from ..arithmetic.vectors import frozen
 from ..errors import InputError
 from ..formalism.kinematics import motion, world_poses
 from ..formalism.spatial import Pose, twist_to_child
 from ..model import Field, Mechanism, Tree
-from ..processes import cached_property
+from ..system.processes import cached_property
 
 
 @dataclass(frozen=True, eq=False)

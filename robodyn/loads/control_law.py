@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ..arithmetic import Array, is_exact
-from ..dispatch import symbols
+from ..arithmetic.symbols import symbols
 from ..errors import InputError, ModelError
 from ..model import Mechanism
 from .answers import law_forces

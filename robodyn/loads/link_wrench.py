@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..algebra import cross, joined, mul, transpose
 from ..arithmetic import Array
+from ..arithmetic.vectors import cross, joined, mul, transpose
 from ..errors import InputError
 from ..model import Mechanism
 from .base import Load, State, numbers

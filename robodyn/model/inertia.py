@@ -5,8 +5,8 @@ from typing import Self
 
 import numpy as np
 
-from ..algebra import frozen, mirrored, outer, skew
 from ..arithmetic import Array
+from ..arithmetic.vectors import frozen, mirrored, outer, skew
 from ..errors import ModelError
 
 

@@ -7,11 +7,11 @@ from typing import Self
 
 import numpy as np
 
-from ..algebra import frozen
-from ..arithmetic import Array, exact, orthonormal
+from ..arithmetic import Array, exact
+from ..arithmetic.vectors import frozen, orthonormal
 from ..errors import ModelError, UnknownNameError
 from ..joints import JointType
-from ..processes import cached_property
+from ..system.processes import cached_property
 from .geometry import Visual
 from .inertia import Inertia
 

@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..algebra import cross, frozen, joined
 from ..arithmetic import Array
+from ..arithmetic.vectors import cross, frozen, joined
 from .inertia import Inertia
 from .tree import Body, Tree
 

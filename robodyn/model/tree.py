@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from ..algebra import frozen, snapped, stacked
-from ..arithmetic import Array, orthonormal
+from ..arithmetic import Array
+from ..arithmetic.vectors import frozen, orthonormal, snapped, stacked
 from ..joints import JointType
-from ..processes import cached_property
+from ..system.processes import cached_property
 from .inertia import Inertia
 from .mechanism import Mechanism
 

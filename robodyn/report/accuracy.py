@@ -3,8 +3,8 @@
 import numpy as np
 
 from ..arithmetic import Array
+from ..dynamics.questions import MassMatrix
 from ..model import Mechanism
-from ..questions import MassMatrix
 from ..scene import Scene
 
 EPS = float(np.finfo(float).eps)

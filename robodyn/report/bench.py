@@ -7,7 +7,7 @@ from typing import Any
 
 from ..arithmetic import mpmath
 from ..errors import InputError, MissingPackageError, RobodynError
-from ..reduction import rounding
+from ..evaluation.base_parameters import rounding
 from . import chains as long_chains, dynamics, processes, trajectories
 from .accuracy import condition
 from .subject import Contest, Settings, Subject
@@ -125,6 +125,6 @@ def facts(subject: Subject) -> dict[str, Any]:
 
 def machine() -> dict[str, Any]:
     """Where this was measured."""
-    from ..engine.compile import cpu, lanes
+    from ..engine.run.compile import cpu, lanes
 
     return {"cpu": cpu()[0], "lanes": lanes(), "system": platform.platform(), "python": platform.python_version()}

@@ -15,10 +15,10 @@ from functools import partial
 import numpy as np
 
 from ..arithmetic import Array
-from ..engine import cache
 from ..errors import RobodynError
 from ..random import random_robot
 from ..robot import Robot
+from ..system import cache
 from .accuracy import condition, error
 from .timing import Timing, fresh, interleaved
 

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from ..engine.peak import fused_multiply_adds
-from ..questions import ForwardDynamics
+from ..dynamics.questions import ForwardDynamics
+from ..engine.run.peak import fused_multiply_adds
 from .accuracy import error
 from .subject import Contest, Subject
 

@@ -4,7 +4,7 @@ import json
 import tempfile
 from collections.abc import Iterator
 
-from ..engine import cache
+from ..system import cache
 from .subject import Subject
 from .timing import Timing, fresh
 

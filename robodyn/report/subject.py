@@ -9,9 +9,9 @@ import numpy as np
 
 from ..arithmetic import Array
 from ..errors import InputError, RobodynError
-from ..processes import cached_property, cores
 from ..robot import Robot, load
 from ..scene import EARTH, Scene
+from ..system.processes import cached_property, cores
 from .timing import Job
 
 if TYPE_CHECKING:

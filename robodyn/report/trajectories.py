@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..arithmetic import Array
-from ..engine.integrate import DONE
+from ..engine.emit.integrate import DONE
 from ..errors import ModelError
 from ..simulation import Trajectory, native, simulate, simulate_many
 from ..simulation.step import step_count

@@ -9,16 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from .. import inputs
 from ..arithmetic import Array
-from ..engine.compile import lanes
-from ..equations import FORMALISMS, SADDLES
+from ..checks import inputs
+from ..dynamics.equations import FORMALISMS, SADDLES
+from ..dynamics.questions import Evolution, Result
+from ..engine.run.compile import lanes
 from ..errors import InputError, ModelError, SimulationError
-from ..evaluate import DEFAULT
+from ..evaluation.evaluator import DEFAULT
 from ..model import Mechanism
-from ..processes import cores, together
-from ..questions import Evolution, Result
 from ..scene import Scene
+from ..system.processes import cores, together
 from . import native
 from .methods import METHODS
 from .run import MOST_FRAMES, output_times, simulate

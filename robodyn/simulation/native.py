@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from ..arithmetic import Array
-from ..engine import integrate
-from ..engine.kernel import load
-from ..evaluate import Evaluator
-from ..processes import lock
+from ..engine.emit import integrate
+from ..engine.run.kernel import load
+from ..evaluation.evaluator import Evaluator
+from ..system.processes import lock
 from .methods import METHODS
 from .step import step_count
 

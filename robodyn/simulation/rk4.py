@@ -5,14 +5,14 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..arithmetic import Array
-from ..engine.integrate import Method
+from ..engine.emit.tableau import Tableau
 from .step import Projection, RightHandSide, Step, equal_steps, hermite
 
 
-def tableau() -> Method:
+def tableau() -> Tableau:
     """The coefficients."""
     a = np.array([[0, 0, 0, 0], [1 / 2, 0, 0, 0], [0, 1 / 2, 0, 0], [0, 0, 1, 0]])
-    return Method(a, np.array([1 / 6, 1 / 3, 1 / 3, 1 / 6]), np.array([0, 1 / 2, 1 / 2, 1]))
+    return Tableau(a, np.array([1 / 6, 1 / 3, 1 / 3, 1 / 6]), np.array([0, 1 / 2, 1 / 2, 1]))
 
 
 def steps(f: RightHandSide, t0: float, x0: Array, t_end: float, project: Projection, *, dt: float, **_: object) -> Iterator[Step]:

@@ -10,16 +10,16 @@ from typing import Any
 
 import numpy as np
 
-from .. import inputs
 from ..arithmetic import Array
-from ..engine.integrate import DONE, NOT_FINITE, STEP_TOO_SMALL
-from ..equations import FORMALISMS
+from ..checks import inputs
+from ..dynamics.equations import FORMALISMS
+from ..dynamics.questions import Evolution, Result
+from ..engine.emit.integrate import DONE, NOT_FINITE, STEP_TOO_SMALL
 from ..errors import InputError, ModelError, RobodynWarning, SimulationError
-from ..evaluate import BACKENDS, DEFAULT
+from ..evaluation.evaluator import BACKENDS, DEFAULT
 from ..model import Mechanism
-from ..processes import cached_property
-from ..questions import Evolution, Result
 from ..scene import Scene
+from ..system.processes import cached_property
 from . import native
 from .methods import METHODS
 from .sampling import Sampling

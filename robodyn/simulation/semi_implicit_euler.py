@@ -8,13 +8,13 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..arithmetic import Array
-from ..engine.integrate import Method
+from ..engine.emit.tableau import Tableau
 from .step import Projection, RightHandSide, Step, equal_steps, hermite
 
 
-def tableau() -> Method:
+def tableau() -> Tableau:
     """One stage."""
-    return Method(np.zeros((1, 1)), np.ones(1), np.zeros(1))
+    return Tableau(np.zeros((1, 1)), np.ones(1), np.zeros(1))
 
 
 def steps(f: RightHandSide, t0: float, x0: Array, t_end: float, project: Projection, *, dt: float, **_: object) -> Iterator[Step]:

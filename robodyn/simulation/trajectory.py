@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ..arithmetic import Array
+from ..dynamics.questions import Energies
 from ..errors import FileError, InputError, MissingPackageError, RobodynWarning
-from ..files import atomic_write, make_folder, writable
 from ..formalism.reactions import Reactions
 from ..loads import ControlLaw, Sampled
-from ..questions import Energies
 from ..scene import Scene
+from ..system.files import atomic_write, make_folder, writable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -79,7 +79,7 @@ class Trajectory:
 
         A ControlLaw or Sampled is a function and cannot be stored: a warning says so, and its recorded forces are kept.
         """
-        from ..records import to_json
+        from .records import to_json
 
         writable(path)
         kept = tuple(load for load in self.scene.loads if not isinstance(load, (ControlLaw, Sampled)))
@@ -97,7 +97,7 @@ class Trajectory:
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> "Trajectory":
         """Read what `save` wrote. FileError where the file is missing, damaged or not a trajectory."""
-        from ..records import from_json
+        from .records import from_json
 
         try:
             with np.load(path, allow_pickle=False) as file:

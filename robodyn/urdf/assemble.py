@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..algebra import frozen, snapped
-from ..arithmetic import Array, orthonormal, unit
+from ..arithmetic import Array
+from ..arithmetic.vectors import frozen, orthonormal, snapped, unit
 from ..errors import InputError
 from ..joints import JOINT_TYPES, Fixed, Free
 from ..model import GROUND, Box, Cylinder, Geometry, Inertia, Joint, Limits, Link, Mechanism, Mesh, Mimic, Sphere, Visual

@@ -4,8 +4,8 @@ from base64 import b64encode
 
 import numpy as np
 
-from ..algebra import joined
 from ..arithmetic import Array
+from ..arithmetic.vectors import joined
 
 
 def base64(array: Array, dtype: str) -> str:

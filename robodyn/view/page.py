@@ -14,8 +14,8 @@ from typing import Any
 
 from ..arithmetic import Array
 from ..errors import MissingPackageError, RobodynWarning
-from ..files import atomic_write
 from ..model import Mechanism
+from ..system.files import atomic_write
 from .figure import figure
 from .motion import motion
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from ..algebra import frozen, rotation
 from ..arithmetic import Array
+from ..arithmetic.vectors import frozen, rotation
 from ..model import Cylinder, Mechanism, Sphere, Visual
 
 BONE = (0.55, 0.58, 0.63, 1.0)

@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 
 from robodyn.cli import main
-from robodyn.engine import cache, kernel as kernels
-from robodyn.engine.graph import Graph
-from robodyn.engine.program import program
+from robodyn.engine.run import kernel as kernels
+from robodyn.engine.trace.graph import Graph
+from robodyn.engine.trace.program import program
+from robodyn.system import cache
 
 
 @pytest.fixture

@@ -15,8 +15,8 @@ import pytest
 from tools import case
 
 import robodyn as rd
-from robodyn.engine import compile as compiler, fastcall
-from robodyn.questions import ForwardDynamics
+from robodyn.dynamics.questions import ForwardDynamics
+from robodyn.engine.run import builtin as fastcall, compile as compiler
 from robodyn.robot import REMEMBERED
 
 pytestmark = pytest.mark.skipif(not fastcall.supported(), reason="this interpreter lays out objects in another way")
@@ -384,7 +384,7 @@ def test_another_gravity_keeps_its_kernels(monkeypatch):
     q, v, _ = (x[0] for x in states(robot, 1))
     expected = robot.forward_dynamics(q, v, gravity=(0, 0, -1.62))
     assert np.array_equal(robot.forward_dynamics(q, v, gravity=[0, 0, -9.81]), robot.forward_dynamics(q, v))
-    monkeypatch.setattr("robodyn.evaluate.Evaluator._traced", None)  # nothing is traced again
+    monkeypatch.setattr("robodyn.evaluation.evaluator.Evaluator._traced", None)  # nothing is traced again
     assert np.array_equal(robot.forward_dynamics(q, v, gravity=np.array([0, 0, -1.62])), expected)
 
 

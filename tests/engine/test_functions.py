@@ -4,12 +4,12 @@ import mpmath
 import numpy as np
 import pytest
 
-from robodyn import arithmetic
-from robodyn.engine.functions import EXACT_BEYOND
-from robodyn.engine.graph import Graph
-from robodyn.engine.kernel import Kernel
-from robodyn.engine.payne_hanek import SMALLEST
-from robodyn.engine.program import program
+from robodyn.arithmetic import functions as arithmetic
+from robodyn.engine.emit.large_angles import SMALLEST
+from robodyn.engine.emit.trigonometry import EXACT_BEYOND
+from robodyn.engine.run.kernel import Kernel
+from robodyn.engine.trace.graph import Graph
+from robodyn.engine.trace.program import program
 
 
 def kernel(function, arguments=1):

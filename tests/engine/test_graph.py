@@ -5,9 +5,9 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from robodyn.engine.graph import Graph, Scalar
-from robodyn.engine.kernel import Kernel
-from robodyn.engine.program import FAR, NEAR, program
+from robodyn.engine.run.kernel import Kernel
+from robodyn.engine.trace.graph import Graph, Scalar
+from robodyn.engine.trace.program import FAR, NEAR, program
 
 
 @pytest.fixture
@@ -236,7 +236,7 @@ def test_conditions_cross_the_borders_of_pieces(monkeypatch):
     whole, bad = Kernel(code)((41,), {"x": xs})
     assert bad == -1
     assert np.allclose(whole["y"][:, 0], choices(*xs.T), rtol=1e-15, atol=1e-15)
-    monkeypatch.setattr("robodyn.engine.emit.PIECE", 3)
+    monkeypatch.setattr("robodyn.engine.emit.straight.PIECE", 3)
     cut, bad = Kernel(code)((41,), {"x": xs})
     assert bad == -1
     assert np.array_equal(cut["y"], whole["y"])

@@ -9,12 +9,13 @@ import pytest
 from tools import EPS, case, condition, error
 
 import robodyn as rd
-from robodyn.engine import blocks, compile as compiler, emit, kernel as kernels
-from robodyn.engine.graph import Graph
-from robodyn.engine.kernel import Kernel, load
-from robodyn.engine.program import program
-from robodyn.evaluate import Evaluator
-from robodyn.questions import Energies, ForwardDynamics, JointReactions, MassMatrix
+from robodyn.dynamics.questions import Energies, ForwardDynamics, JointReactions, MassMatrix
+from robodyn.engine.emit import blocks, straight as emit
+from robodyn.engine.run import compile as compiler, kernel as kernels
+from robodyn.engine.run.kernel import Kernel, load
+from robodyn.engine.trace.graph import Graph
+from robodyn.engine.trace.program import program
+from robodyn.evaluation.evaluator import Evaluator
 
 SOME = pytest.mark.parametrize("seed", range(12))
 C = 50
@@ -55,7 +56,7 @@ def test_the_same_bits_whatever_the_batch_the_lanes_and_the_threads(seed, monkey
     program = c.robot._on_earth.evaluator.kernel(ForwardDynamics("auto")).program
     for lanes in (2, 4):
         kernel = Kernel(program)
-        monkeypatch.setattr("robodyn.engine.kernel.lanes", lambda lanes=lanes: lanes)
+        monkeypatch.setattr("robodyn.engine.run.kernel.lanes", lambda lanes=lanes: lanes)
         values, bad = kernel((50,), {"q": q[:50], "v": v[:50], "tau": tau[:50], "t": np.zeros(1)})
         assert bad == -1
         assert np.array_equal(values["vdot"], whole[:50])

@@ -12,12 +12,13 @@ import numpy as np
 import pytest
 
 from robodyn.arithmetic import cos, sin
-from robodyn.engine import blocks, kernel as kernels
-from robodyn.engine.alike import MANY
-from robodyn.engine.kernel import Kernel
-from robodyn.engine.layout import Fill, Loop, Straight
-from robodyn.engine.recording import SUM, Forest, objects
-from robodyn.engine.sweeps import Recorder, Records
+from robodyn.engine.emit import blocks
+from robodyn.engine.run import kernel as kernels
+from robodyn.engine.run.kernel import Kernel
+from robodyn.engine.trace.alike import MANY
+from robodyn.engine.trace.layout import Fill, Loop, Straight
+from robodyn.engine.trace.recording import SUM, Forest, objects
+from robodyn.engine.trace.sweeps import Recorder, Records
 
 SIZES = (1, 2, 0)  # numbers that a node of each kind has in a vector
 

@@ -179,7 +179,7 @@ def test_Mdot_minus_2C_is_skew(seed, fifty_digits):
 @ALL
 def test_accelerations_are_the_rates_of_velocities(seed):
     """ǎ_i is the time derivative of the velocity of O_i and of the angular velocity, taken in the ground's frame, in 50 digits."""
-    from robodyn.algebra import mul
+    from robodyn.arithmetic.vectors import mul
 
     c = case(seed, n=5)
     with mpmath.workdps(50):

@@ -15,7 +15,7 @@ import real_robots
 from real_robots import ROBOTS
 
 import robodyn as rd
-from robodyn.reduction import costs_digits
+from robodyn.evaluation.base_parameters import costs_digits
 from robodyn.report.accuracy import EPS, condition, error
 
 BOUND = 50.0

@@ -15,7 +15,7 @@ import scipy.integrate
 from tools import case
 
 import robodyn as rd
-from robodyn.engine import integrate
+from robodyn.engine.emit import integrate
 from robodyn.joints import Fixed, Prismatic, Revolute
 from robodyn.model import GROUND, Inertia, Joint, Link
 from robodyn.simulation import many, native

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from robodyn import RobodynWarning
-from robodyn.algebra import mirrored
+from robodyn.arithmetic.vectors import mirrored
 from robodyn.joints import JOINT_TYPES, Continuous, Fixed, Free, Revolute
 from robodyn.joints.base import AxisJoint
 from robodyn.model import Box, Cylinder, Limits, Mesh, Sphere

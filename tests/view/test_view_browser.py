@@ -9,7 +9,7 @@ import pytest
 import trimesh
 from view_robots import AXIS, ORANGE, chain, visual
 
-from robodyn.algebra import rotation
+from robodyn.arithmetic.vectors import rotation
 from robodyn.model import Box, Cylinder, Link, Mesh, Sphere, Visual
 from robodyn.view import write_html
 

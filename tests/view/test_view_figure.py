@@ -7,7 +7,7 @@ import pytest
 import trimesh
 from view_robots import ORANGE, chain, visual
 
-from robodyn.algebra import rotation_from_quaternion
+from robodyn.arithmetic.vectors import rotation_from_quaternion
 from robodyn.errors import RobodynWarning
 from robodyn.model import Box, Cylinder, Inertia, Link, Mesh, Sphere
 from robodyn.view.figure import figure

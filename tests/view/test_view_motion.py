@@ -5,7 +5,7 @@ from base64 import b64decode
 import numpy as np
 import pytest
 
-from robodyn.algebra import rotation, rotation_from_quaternion
+from robodyn.arithmetic.vectors import rotation, rotation_from_quaternion
 from robodyn.errors import InputError
 from robodyn.view.encode import placement, quaternions
 from robodyn.view.motion import motion

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robodyn.algebra import homogeneous, rotation
+from robodyn.arithmetic.vectors import homogeneous, rotation
 from robodyn.joints import Fixed
 from robodyn.model import Joint, Mechanism, Visual
 

@@ -1,0 +1,165 @@
+"""LLVM IR of a program with loops (`layout.Looped`): steps as functions of a node's row, a driver over each forest.
+
+What differs from node to node (where its numbers lie, its parameters) comes from tables that are bound when the code is loaded, so one
+compiled driver serves forests of any size. The workspace is on the heap: ten thousand nodes do not fit on a thread's stack.
+"""
+
+from collections.abc import Iterator
+from typing import Any
+
+from ..trace.layout import ADDED, FIXED_COLUMNS, Fill, Loop, Looped, Straight
+from ..trace.program import Program
+from .code import Code
+from .constants import Constants
+from .straight import Operands, Part
+from .trigonometry import Type
+
+OWN, UP, PARAM, KIND = range(len(FIXED_COLUMNS))
+STRAIGHT = 400  # instructions in one function between loops: they read and write memory all over, which costs LLVM more than linear time
+INLINED = 2  # kinds up to which steps become part of the driver's loop: one function of many costs LLVM more than linear time
+TRUSTED = ("trusted",)  # the slot of 1, or of −1 where a check failed
+
+
+class LoopedPart:
+    """A program with loops as one function over slots: what `emit.Part` is for straight-line code."""
+
+    def __init__(self, program: Looped, t: Type, name: str) -> None:
+        self.program, self.name, self._t = program, name, t
+        self.guards = (TRUSTED,)
+        self._straight = {
+            n: Part(item.program, t, f"{name}{n}.", item.slots, free=program.size + 1, size=STRAIGHT)
+            for n, item in enumerate(program.items)
+            if isinstance(item, Straight)
+        }
+        self.size = max([program.size + 1, *(part.size for part in self._straight.values())])
+        self.slots: dict[Any, int] = {("in", x, 0): start for x, start in program.starts.items()}
+        self.slots |= {("out", x, 0): place.start for x, place in program.outputs.items()} | {TRUSTED: program.size}
+
+    def functions(self) -> Iterator[str]:
+        """The definitions, and the tables they read."""
+        for f in range(len(self.program.counts)):
+            yield f"@{self.name}.rows{f} = global ptr null"
+            yield f"@{self.name}.parameters{f} = global ptr null"
+        for part in self._straight.values():
+            yield from part.functions()
+        for n, item in enumerate(self.program.items):
+            if isinstance(item, Loop):
+                for kind, step in enumerate(item.steps):
+                    if step or item.clears:
+                        yield from self._step(f"{self.name}{n}.{kind}", item, step, "" if len(item.steps) <= INLINED else "noinline ")
+        yield from self._evaluate()
+
+    def calls(self, slots: str) -> list[str]:
+        """The lines that evaluate the program on slots whose inputs are set."""
+        return [f"  call void @{self.name}(ptr {slots})"]
+
+    def _step(self, name: str, loop: Loop, step: tuple[Program, tuple[tuple[str, int], ...]] | None, how: str) -> Iterator[str]:
+        """void @name(slots, row, parameters): one node."""
+        t, F, lines, bases = self._t, self._t.float, [], {}
+        columns = (*FIXED_COLUMNS, *self.program.columns[loop.forest])
+
+        def address(base: str, offset: int) -> str:
+            if base != "slot" and base not in bases:
+                lines.append(f"  %{base}.row = getelementptr i64, ptr %row, i64 {columns.index(base)}")
+                lines.append(f"  %{base}.offset = load i64, ptr %{base}.row")
+                kind, origin = ("double", "parameters") if base == "param" else (F, "slots")
+                lines.append(f"  %{base}.base = getelementptr {kind}, ptr %{origin}, i64 %{base}.offset")
+                bases[base] = f"%{base}.base"
+            name = f"%a{len(lines)}"
+            lines.append(f"  {name} = getelementptr {'double' if base == 'param' else F}, ptr {bases.get(base, '%slots')}, i64 {offset}")
+            return name
+
+        constants, stores = Constants(t, f"{name}.constants"), []
+        if step:
+            code, places = step
+
+            def load(j: int) -> str:
+                base, offset = code.instructions[j][1:]
+                where = address(base, offset)
+                if base != "param":
+                    lines.append(f"  %v{j} = load {F}, ptr {where}")
+                    return f"%v{j}"
+                lines.append(f"  %d{j} = load double, ptr {where}")
+                one = f"%d{j}"
+                if t.scalar != "double":
+                    lines.append(f"  %s{j} = fptrunc double {one} to {t.scalar}")
+                    one = f"%s{j}"
+                if t.lanes == 1:
+                    return one
+                lines.append(f"  %i{j} = insertelement {F} undef, {t.scalar} {one}, i32 0")
+                lines.append(f"  %v{j} = shufflevector {F} %i{j}, {F} undef, <{t.lanes} x i32> zeroinitializer")
+                return f"%v{j}"
+
+            operand = Operands(code, t, load, constants, lines)
+            operand.compute(range(len(code.instructions)))
+            stores = [(place, operand(value)) for place, value in zip(places, code.outputs[""], strict=True)]
+        stores += [(("own", offset), t.constant(0.0)) for offset in loop.clears]
+        for n, ((base, offset), value) in enumerate(stores):
+            where = address(base, offset)
+            if base in ADDED:
+                lines.append(f"  %old{n} = load {F}, ptr {where}")
+                lines.append(f"  %new{n} = fadd {F} %old{n}, {value}")
+                value = f"%new{n}"
+            lines.append(f"  store {F} {value}, ptr {where}")
+        yield from constants.definition()
+        arguments = "ptr noalias %slots, ptr noalias readonly %row, ptr noalias readonly %parameters"
+        yield f"define internal void @{name}({arguments}) {how}nounwind {t.frame} {{"
+        yield from lines
+        yield "  ret void"
+        yield "}"
+
+    def _evaluate(self) -> Iterator[str]:
+        """void @name(slots): item after item, then the checks."""
+        c, t, program = Code(), self._t, self.program
+        for n, item in enumerate(program.items):
+            if isinstance(item, Straight):
+                c.lines += self._straight[n].calls("%slots")
+            elif isinstance(item, Fill):
+                self._fill(c, item)
+            else:
+                self._loop(c, f"{self.name}{n}", item)
+
+        # Every checked value is positive, and not infinite.
+        good = c.variable(t.bool, t.splat("i1", "true"))
+        i = c.variable("i64", str(program.checks.start))
+        with c.repeat(lambda: c.value(f"icmp slt i64 {c.get('i64', i)}, {program.checks.stop}")):
+            x = c.get(t.float, c.at(t.float, "%slots", c.get("i64", i)))
+            fine = c.binary("and", t.bool, c.value(f"fcmp ogt {t.float} {x}, {t.constant(0.0)}"), self._finite(c, x))
+            c.set(t.bool, good, c.binary("and", t.bool, c.get(t.bool, good), fine))
+            c.set("i64", i, c.binary("add", "i64", c.get("i64", i), "1"))
+        answer = c.value(f"select {t.bool} {c.get(t.bool, good)}, {t.float} {t.constant(1.0)}, {t.float} {t.constant(-1.0)}")
+        c.set(t.float, c.at(t.float, "%slots", program.size), answer)
+        c.leave("void", "")
+        yield from c.function(f"define internal void @{self.name}(ptr noalias %slots) noinline nounwind {t.frame}")
+
+    def _finite(self, c: Code, x: str) -> str:
+        return c.value(f"fcmp olt {self._t.float} {x}, {self._t.constant(float('inf'))}")
+
+    def _fill(self, c: Code, item: Fill) -> None:
+        F = self._t.float
+        if len(item.values) <= 8 or any(item.values):
+            for k, x in enumerate(item.values):
+                c.set(F, c.at(F, "%slots", item.start + k), self._t.constant(x))
+            return
+        i = c.variable("i64", str(item.start))
+        with c.repeat(lambda: c.value(f"icmp slt i64 {c.get('i64', i)}, {item.start + len(item.values)}")):
+            c.set(F, c.at(F, "%slots", c.get("i64", i)), self._t.constant(0.0))
+            c.set("i64", i, c.binary("add", "i64", c.get("i64", i), "1"))
+
+    def _loop(self, c: Code, name: str, loop: Loop) -> None:
+        """All nodes in order, each by its kind's step."""
+        n, width = self.program.counts[loop.forest], len(FIXED_COLUMNS) + len(self.program.columns[loop.forest])
+        table, parameters = (c.get("ptr", f"@{self.name}.{x}{loop.forest}") for x in ("rows", "parameters"))
+        i = c.variable("i64", str(n - 1 if loop.inward else 0))
+        with c.repeat(lambda: c.value(f"icmp {'sge' if loop.inward else 'slt'} i64 {c.get('i64', i)}, {0 if loop.inward else n}")):
+            row = c.at("i64", table, c.binary("mul", "i64", c.get("i64", i), str(width)))
+            called = [kind for kind, step in enumerate(loop.steps) if step or loop.clears]
+            kind = c.get("i64", c.at("i64", row, KIND)) if len(loop.steps) > 1 else ""
+            for k in called:
+                call = f"call void @{name}.{k}(ptr %slots, ptr {row}, ptr {parameters})"
+                if not kind:
+                    c.add(call)
+                    continue
+                with c.when(c.value(f"icmp eq i64 {kind}, {k}")):
+                    c.add(call)
+            c.set("i64", i, c.binary("add", "i64", c.get("i64", i), "-1" if loop.inward else "1"))
