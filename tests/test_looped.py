@@ -16,7 +16,7 @@ from robodyn.engine.emit import blocks, integrate
 from robodyn.engine.run import kernel as kernels
 from robodyn.engine.trace.layout import Looped
 from robodyn.engine.trace.sweeps import Recorder
-from robodyn.evaluation import composed, evaluator as evaluate
+from robodyn.evaluation import composed, routes
 from robodyn.evaluation.looped import KINDS, LoopedTree
 from robodyn.joints import JOINT_TYPES, Fixed
 from robodyn.loads import Load
@@ -32,7 +32,7 @@ EXACT = {"backend": "mpmath", "formalism": "recursive"}  # O(n) in 50 digits too
 @pytest.fixture
 def all_looped(monkeypatch):
     """Kernels of every robot loop, however few bodies it has."""
-    monkeypatch.setattr("robodyn.evaluation.evaluator.UNROLLED", 0)
+    monkeypatch.setattr("robodyn.evaluation.routes.UNROLLED", 0)
 
 
 @pytest.fixture(scope="module")
@@ -266,9 +266,9 @@ def test_steps_are_those_of_straight_line_code(method, monkeypatch):
     options = {"t_end": 0.05, "q0": c.q, "v0": c.v, "method": method, "dt": 2e-3, "rtol": 1e-9, "fps": 70, "formalism": "recursive"}
     runs = []
     for unrolled in (0, 60):
-        monkeypatch.setattr("robodyn.evaluation.evaluator.UNROLLED", unrolled)
+        monkeypatch.setattr("robodyn.evaluation.routes.UNROLLED", unrolled)
         scene = rd.Scene(c.robot, loads=[rd.JointDamping(damping), rd.LinkWrench("link_2", force=(1.0, 2.0, 3.0))])
-        assert isinstance(scene.evaluator.evolution("recursive"), Looped) == (unrolled == 0)
+        assert isinstance(scene.evaluator.integrators.evolution("recursive"), Looped) == (unrolled == 0)
         runs.append(rd.simulate(scene, **options))
     for name in ("t", "q", "v", "a", "work"):
         x, y = (getattr(run, name) for run in runs)
@@ -566,7 +566,7 @@ def gang():
     """A robot of more than 100 bodies with mimic joints, quaternions and a free base; and a scene with loads on it."""
     types = ("revolute", "prismatic", "revolute", "continuous", "spherical", "planar", "fixed")
     robot = coupled(rd.random_robot(np.random.default_rng(36), 130, branching=0.4, joint_types=types, floating_base=True), 36)
-    assert len(robot._on_earth.equations().tree.bodies) > evaluate.WRITTEN_OUT
+    assert len(robot._on_earth.equations().tree.bodies) > routes.WRITTEN_OUT
     moving = [joint for joint in robot.joints if joint.type.nv]
     single = [joint.name for joint in moving if joint.type.nv == 1]
     followers = [joint.name for joint in moving if joint.mimic]

@@ -11,7 +11,8 @@ from tools import EPS, SEEDS, Reference, case, condition, error, many_digits
 import robodyn as rd
 from robodyn.arithmetic.vectors import congruent, rotation
 from robodyn.dynamics.equations import SWEEPS
-from robodyn.formalism.kinematics import motion
+from robodyn.formalism.energy import kinetic
+from robodyn.formalism.newton_euler import bias_resultants
 from robodyn.formalism.nonrecursive import bias_forces, mass_matrix, nonrecursive
 from robodyn.formalism.reactions import joint_wrenches
 from robodyn.joints import Fixed, Free, Prismatic, Revolute, Spherical
@@ -119,17 +120,19 @@ def test_the_minimal_tree_moves_alike(seed):
     scene = rd.Scene(c.robot, loads=loads)
     plain, exact = scene.equations(), scene.equations("mpmath")
     fewest = minimal(plain.tree)
-    own, acts = [dict(e.wrenches(0.0, x, y)) for e, x, y in ((plain, c.q, c.v), (exact, many_digits(c.q), many_digits(c.v)))]
-    state = motion(fewest.tree, c.q, c.v)
+    own, acts = [dict(e.wrenches(e.state(0.0, x, y))) for e, x, y in ((plain, c.q, c.v), (exact, many_digits(c.q), many_digits(c.v)))]
+    state = plain.state(0.0, c.q, c.v).on(fewest.tree)
     with mpmath.workdps(50):
         q, v = many_digits(c.q), many_digits(c.v)
-        M, bias = exact.mass_matrix(q), exact.bias(q, v, acts)
-        carried = joint_wrenches(exact.tree, motion(exact.tree, q, v), many_digits(0 * c.v), acts, exact.gravity)
-    assert error(mass_matrix(fewest.tree, state, np.dtype(float)), M) < C * EPS
-    found = bias_forces(fewest.tree, state, fewest.wrenches(own), plain.gravity)
+        at = exact.state(0.0, q, v)
+        resting = bias_resultants(exact.tree, at.motion, acts, exact.gravity)
+        M, bias = exact.mass_matrix(at), bias_forces(exact.tree, at.motion, resting)
+        carried = joint_wrenches(exact.tree, at.motion, many_digits(0 * c.v), acts, exact.gravity)
+    assert error(mass_matrix(fewest.tree, state.motion, np.dtype(float)), M) < C * EPS
+    found = bias_forces(fewest.tree, state.motion, bias_resultants(fewest.tree, state.motion, fewest.wrenches(own), plain.gravity))
     # What cancels in k̂ is as large as the largest wrench that a joint carries.
     assert abs(found - bias).max() < C * EPS * max(abs(f).max() for f in carried)
-    vdot = nonrecursive(fewest.tree, c.q, c.v, c.tau, fewest.wrenches(own), plain.gravity).vdot
+    vdot = nonrecursive(state, c.tau, fewest.wrenches(own), plain.gravity).vdot
     reference = scene.forward_dynamics(c.q, c.v, c.tau, backend="mpmath")
     assert error(vdot, reference) < C * condition(c.robot, c.q) * EPS
 
@@ -150,8 +153,8 @@ def test_the_minimal_tree_keeps_its_digits_where_joints_are_far_apart(seed, alig
     robot = dataclasses.replace(robot, joints=tuple(joints))
     q, v = robot.random_state(rng)
     exact = rd.Scene(robot, declared=False).forward_dynamics(q, v, backend="mpmath", formalism="nonrecursive")
-    tree = rd.Scene(robot, declared=False).equations().tree
-    found = nonrecursive(minimal(tree).tree, q, v, np.zeros(robot.nv), {}, np.array([0.0, 0.0, -9.81])).vdot
+    state = rd.Scene(robot, declared=False).equations().state(0.0, q, v)
+    found = nonrecursive(state.on(minimal(state.tree).tree), np.zeros(robot.nv), {}, np.array([0.0, 0.0, -9.81])).vdot
     assert error(found, exact) < C * condition(robot, q) * EPS
 
 
@@ -189,12 +192,12 @@ def test_lumped_and_opened_trees_move_alike(seed):
     fixed = sum(joint.type.nv == 0 for joint in c.robot.joints)
     assert len(lumped.tree.bodies) == len(c.robot.links) - fixed
     tolerance = C * condition(c.robot, c.q) * EPS
-    acts = [equations.applied(0.0, c.q, c.v, c.tau) for equations in (lumped, opened)]
+    states = [e.state(0.0, c.q, c.v) for e in (lumped, opened)]
     for route in SWEEPS:
-        one, other = (e.accelerate(c.q, c.v, a, route).vdot for e, a in zip((lumped, opened), acts, strict=True))
+        one, other = (e.accelerate(x, e.applied(x, c.tau), route).vdot for e, x in zip((lumped, opened), states, strict=True))
         assert error(one, other) < tolerance, route
-    assert error(lumped.mass_matrix(c.q), opened.mass_matrix(c.q)) < C * EPS
-    assert error(lumped.kinetic(c.q, c.v), opened.kinetic(c.q, c.v)) < C * EPS
+    assert error(*(e.mass_matrix(x) for e, x in zip((lumped, opened), states, strict=True))) < C * EPS
+    assert error(*map(kinetic, states)) < C * EPS
     assert error(lumped.link_poses(c.q), opened.link_poses(c.q)) < C * EPS
 
 

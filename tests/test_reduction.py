@@ -34,9 +34,9 @@ def test_a_leg_that_folds_keeps_its_inertias():
     assert not reduction.costs_digits(leg(swing=0.5))
     for robot, taken in ((leg(), False), (leg(swing=0.5), True)):
         evaluator = rd.Scene(robot).evaluator
-        counts = {reduce: evaluator.operations_with(reduce=reduce) for reduce in (False, True)}
+        counts = {reduce: evaluator.routes.operations_with(reduce=reduce) for reduce in (False, True)}
         assert counts[True] < counts[False]
-        assert evaluator.operations["nonrecursive"] == counts[taken]
+        assert evaluator.routes.operations["nonrecursive"] == counts[taken]
 
 
 def test_the_errors_are_those_against_50_digits():
@@ -49,8 +49,9 @@ def test_the_errors_are_those_against_50_digits():
     exact = robot.forward_dynamics(q, v, tau, backend="mpmath").astype(float)
     errors = {}
     for reduce in (False, True):
-        views = rd.Scene(robot).evaluator.views_with(reduce=reduce)
-        found = views.lumped.accelerate(q, v, views.lumped.applied(0.0, q, v, tau), "nonrecursive").vdot
+        views = rd.Scene(robot).evaluator.routes.views_with(reduce=reduce)
+        state = views.lumped.state(0.0, q, v)
+        found = views.lumped.accelerate(state, views.lumped.applied(state, tau), "nonrecursive").vdot
         errors[reduce] = np.sqrt(np.mean((abs(found - exact).max(-1) / abs(exact).max(-1)) ** 2))
     assert errors[True] > reduction.LOSS * errors[False]
     assert errors[True] / errors[False] == pytest.approx(base / plain, rel=0.7)

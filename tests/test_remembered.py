@@ -8,7 +8,7 @@ from tools import case
 
 import robodyn as rd
 from robodyn.evaluation import remembered
-from robodyn.evaluation.evaluator import Evaluator
+from robodyn.evaluation.routes import Routes
 from robodyn.joints import Revolute
 from robodyn.system import cache
 
@@ -17,13 +17,13 @@ from robodyn.system import cache
 def counted(tmp_path, monkeypatch):
     """The questions for which formalisms were compared, with an empty cache on disk."""
     monkeypatch.setenv(cache.VARIABLE, str(tmp_path / "cache"))
-    compared, counted = Evaluator._compared, []
+    compared, counted = Routes.compared, []
 
     def counting(self, question):
         counted.append(question)
         return compared(self, question)
 
-    monkeypatch.setattr(Evaluator, "_compared", counting)
+    monkeypatch.setattr(Routes, "compared", counting)
     return counted
 
 
@@ -41,7 +41,7 @@ def test_formalisms_are_compared_once(counted):
     assert len(counted) == 2  # reactions are another question
     assert np.array_equal(*carried)
     # Who asks for the counts gets them, whatever is remembered.
-    assert set(rd.Scene(again(c.robot)).evaluator.operations) == {"recursive", "nonrecursive"}
+    assert set(rd.Scene(again(c.robot)).evaluator.routes.operations) == {"recursive", "nonrecursive"}
 
 
 @pytest.mark.parametrize("kept", ["recursive", "nonrecursive"])
@@ -49,7 +49,7 @@ def test_what_is_remembered_is_taken(counted, monkeypatch, kept):
     c = case(1, n=5)
     monkeypatch.setattr(cache, "get", lambda name: kept.encode())
     evaluator = rd.Scene(c.robot).evaluator
-    assert evaluator.cheapest == kept
+    assert evaluator.routes.cheapest == kept
     assert not counted
 
 
@@ -57,7 +57,7 @@ def test_what_is_remembered_is_taken(counted, monkeypatch, kept):
 def test_what_is_damaged_is_found_anew(counted, monkeypatch, damaged):
     c = case(1, n=5)
     monkeypatch.setattr(cache, "get", lambda name: damaged)
-    assert rd.Scene(c.robot).evaluator.cheapest in ("recursive", "nonrecursive")
+    assert rd.Scene(c.robot).evaluator.routes.cheapest in ("recursive", "nonrecursive")
     assert len(counted) == 1
 
 
@@ -66,10 +66,10 @@ def test_what_is_another_scene_or_another_robodyn_is_compared_for_itself(counted
     heavier = replace(c.robot, links=tuple(replace(x, inertia=replace(x.inertia, mass=2 * x.inertia.mass)) for x in c.robot.links))
     scenes = [rd.Scene(c.robot), rd.Scene(c.robot, gravity=(0, 0, -1.6)), rd.Scene(heavier)]
     for n, scene in enumerate(scenes, 1):
-        assert scene.evaluator.cheapest
+        assert scene.evaluator.routes.cheapest
         assert len(counted) == n
     monkeypatch.setattr(remembered, "source", lambda folder: "another")
-    assert rd.Scene(c.robot).evaluator.cheapest
+    assert rd.Scene(c.robot).evaluator.routes.cheapest
     assert len(counted) == 4
 
 
@@ -79,7 +79,7 @@ def test_what_is_numbers_alone_is_remembered_with_its_loads(counted):
     for some in (loads, loads[:1], [rd.LinkWrench("link_1", force=(2.0, 0.0, 0.0)), loads[1]]):
         before = len(counted)
         for _ in range(2):
-            assert rd.Scene(again(c.robot), loads=some).evaluator.cheapest
+            assert rd.Scene(again(c.robot), loads=some).evaluator.routes.cheapest
         assert len(counted) == before + 1
 
 
@@ -91,7 +91,7 @@ def test_functions_are_counted_every_time(counted):
     """Pickles know a function, and a class, by its name alone."""
     robot = case(1, n=3, joint_types=("revolute",), floating_base=False).robot
     for n in (1, 2):
-        assert rd.Scene(robot, loads=[rd.ControlLaw(law)]).evaluator.cheapest
+        assert rd.Scene(robot, loads=[rd.ControlLaw(law)]).evaluator.routes.cheapest
         assert len(counted) == n
 
 

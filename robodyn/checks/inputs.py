@@ -106,19 +106,19 @@ def vector3(name: str, value: object) -> Array:
     return x
 
 
-def size(robot: Mechanism, name: str) -> int:
-    """Length of the array that goes by a name: q, u, or v, a, tau."""
-    return {"q": robot.nq, "q0": robot.nq, "u": robot.nu}.get(name, robot.nv)
+def size(robot: Mechanism, name: str, nz: int = 0) -> int:
+    """Length of the array that goes by a name: q, u, z of the loads, or v, a, tau."""
+    return {"q": robot.nq, "q0": robot.nq, "u": robot.nu, "z": nz}.get(name, robot.nv)
 
 
-def checked(robot: Mechanism, arrays: Mapping[str, object], *, objects: bool = False) -> dict[str, Array]:
+def checked(robot: Mechanism, arrays: Mapping[str, object], *, nz: int = 0, objects: bool = False) -> dict[str, Array]:
     """The arrays of a question, finite and with the same leading dimensions; None becomes zeros."""
     q_labels, v_labels = ([name for name, _ in table] for table in robot.coordinate_names())
     found = {}
     for name, value in arrays.items():
         _given(robot, name, value)
-        n, meaning = size(robot, name), {"q": "nq", "q0": "nq", "u": "nu"}.get(name, "nv")
-        labels = {"q": q_labels, "q0": q_labels, "u": ()}.get(name, v_labels)
+        n, meaning = size(robot, name, nz), {"q": "nq", "q0": "nq", "u": "nu", "z": "nz"}.get(name, "nv")
+        labels = {"q": q_labels, "q0": q_labels, "u": (), "z": ()}.get(name, v_labels)
         found[name] = array(name, np.zeros(n) if value is None else value, n, f"{meaning} of {robot.name!r}", labels, objects=objects)
     batch = broadcast(**found)
     return {name: np.broadcast_to(x, (*batch, x.shape[-1])) for name, x in found.items()}
@@ -130,15 +130,15 @@ def _given(robot: Mechanism, name: str, value: object) -> None:
         raise InputError(f"q is None: give the joint coordinates (..., {robot.nq}), such as robot.neutral()")
 
 
-def quick(robot: Mechanism, arrays: Mapping[str, object]) -> tuple[tuple[int, ...], dict[str, Array]]:
+def quick(robot: Mechanism, arrays: Mapping[str, object], nz: int = 0) -> tuple[tuple[int, ...], dict[str, Array]]:
     """The leading dimensions and the arrays of a question, checked but for their values: the kernel looks at those."""
     found, batches = {}, set()
     for name, value in arrays.items():
-        n = size(robot, name)
+        n = size(robot, name, nz)
         _given(robot, name, value)
         x = np.zeros(n) if value is None else as_array(name, value)
         if x.dtype.kind not in "fiu" or x.shape[-1:] != (n,):
-            checked(robot, arrays)  # says what is wrong
+            checked(robot, arrays, nz=nz)  # says what is wrong
         found[name] = x
         batches.add(x.shape[:-1])
     return batches.pop() if len(batches) == 1 else broadcast(**found), found

@@ -1,18 +1,15 @@
 """Whether a motion is determined: what is refused, by name, when accelerations are asked for."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from ..arithmetic import Array
+from ..arithmetic import EPS, Array
 from ..errors import ModelError
 from ..formalism.solution import Solution
 from ..loads import Load, State
-from ..loads.answers import joint_forces, link_wrenches
+from ..loads.checked import joint_forces, link_wrenches
 from ..model import Mechanism, Tree
-
-EPS = np.finfo(float).eps
-
 
 FEW = 60  # freedoms up to which the bound of the inertia that a joint can have to move, in any position, is a useful scale
 
@@ -100,13 +97,16 @@ def _at(index: tuple[int, ...]) -> str:
 HUGE = 1e150  # beyond this the square of a number is beyond float64
 
 
-def refuse_infinite_loads(loads: Sequence[Load], state: State) -> None:
-    """ModelError where a load's force is not finite, or too large at a state that is not: it names the load, where and when."""
+def refuse_infinite_loads(loads: Iterable[tuple[Load, State]], state: State) -> None:
+    """ModelError where a load's force is not finite, or too large at a state that is not: it names the load, where and when.
+
+    loads: each with the state as it sees it.
+    """
     batch = np.broadcast_shapes(np.shape(state.t), state.q.shape[:-1], state.v.shape[:-1])
     bound = HUGE if all((abs(x) < HUGE**0.5).all() for x in (state.q, state.v)) else np.inf
-    for load in loads:
-        forces = [("force in joint", i, force) for i, force in joint_forces(load, state).items()]
-        wrenches = [("wrench on link", i, wrench) for i, wrench in link_wrenches(load, state).items()]
+    for load, seen in loads:
+        forces = [("force in joint", i, force) for i, force in joint_forces(load, seen).items()]
+        wrenches = [("wrench on link", i, wrench) for i, wrench in link_wrenches(load, seen).items()]
         for what, i, values in forces + wrenches:
             values = np.broadcast_to(values, (*batch, values.shape[-1]))
             bad = np.argwhere(~(abs(values) < bound))

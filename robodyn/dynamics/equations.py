@@ -1,29 +1,30 @@
 """The equations of a scene: robot, gravity and loads put into the formalism. Generic over the scalar, any leading dimensions.
 
-Plain functions of arrays that are already checked (`inputs`), in whatever arithmetic the tree's constants are in (`scene`).
+Plain functions of arrays that are already checked (`checks.inputs`), in whatever arithmetic the tree's constants are in (`views`).
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from ..arithmetic import Array, dtype_of, exact, precision, zeros
-from ..arithmetic.vectors import dot, homogeneous, stacked
-from ..evaluation.base_parameters import reduced
+from ..arithmetic import Array, dtype_of, zeros
+from ..arithmetic.vectors import dot, homogeneous, joined, stacked
 from ..formalism import energy, kinematics
 from ..formalism.constraints import coordinate_forces
 from ..formalism.ldl import couplings, factorise
-from ..formalism.nonrecursive import bias_forces, mass_matrix, nonrecursive
+from ..formalism.nonrecursive import mass_matrix, nonrecursive
 from ..formalism.reactions import joint_wrenches, reactions
 from ..formalism.recursive import recursive
 from ..formalism.saddle import saddle_body, saddle_joint
 from ..formalism.solution import Solution
 from ..formalism.spatial import Pose, wrench_to_parent
-from ..loads import Load, State
-from ..loads.answers import joint_forces, link_wrenches
-from ..model import Body, Mechanism, Minimal, Tree, lump, minimal
+from ..formalism.state import NOTHING, State
+from ..loads import Load
+from ..loads.checked import joint_forces, link_wrenches, state_rates
+from ..model import Body, Field, Mechanism, Minimal, Tree
 from ..system.processes import cached_property
 
 SWEEPS = {"nonrecursive": nonrecursive, "recursive": recursive}
@@ -55,34 +56,58 @@ class Equations:
         """What `nonrecursive` solves for η̇ on, where it is there."""
         return self.fewest() if self.fewest else None
 
+    def state(self, t: Array | float, q: Array, v: Array, z: Array = NOTHING) -> State:
+        """The state of these equations' tree at time t [s], coordinates q (..., nq), velocities v (..., nv), loads' states z (..., nz)."""
+        return State(self.mechanism, self.tree, t, q, v, z)
+
     # --- what acts ---
 
-    def applied(self, t: Array | float, q: Array, v: Array, tau: Array) -> Applied:
+    @cached_property
+    def initial_state(self) -> Array:
+        """z (nz,) of all loads at the start of a motion, one load's behind the other's."""
+        return joined(NOTHING, *(np.asarray(load.initial_state(self.mechanism), dtype=float) for load in self.loads))
+
+    def seen(self, state: State) -> list[tuple[Load, State]]:
+        """The loads, and the state as each sees it: z is its own."""
+        if not state.z.shape[-1]:
+            return [(load, state) for load in self.loads]
+        ends = np.cumsum([0, *(len(load.initial_state(self.mechanism)) for load in self.loads)]).tolist()
+        return [(load, state.of_load(state.z[..., a:b])) for load, (a, b) in zip(self.loads, pairwise(ends), strict=True)]
+
+    def applied(self, state: State, tau: Array) -> Applied:
         """The loads at a state, and tau (..., nv) at the joints that own the coordinates."""
-        mechanism, state = self.mechanism, State(self.mechanism, self.tree, t, q, v)
-        batch = np.broadcast_shapes(np.shape(t), q.shape[:-1], v.shape[:-1], tau.shape[:-1])
+        mechanism, q, v = self.mechanism, state.q, state.v
+        batch = np.broadcast_shapes(np.shape(state.t), q.shape[:-1], v.shape[:-1], tau.shape[:-1], state.z.shape[:-1])
         forces = {kind: zeros((*batch, mechanism.nu), dtype_of(q, v, tau)) for kind in (False, True)}  # conservative or not
         forces[False][..., mechanism.owned] = tau
         power = zeros(batch, forces[False].dtype)
-        for load in self.loads:
-            for i, force in joint_forces(load, state).items():
+        on_links = []
+        for load, seen in self.seen(state):
+            for i, force in joint_forces(load, seen).items():
                 forces[load.conservative][..., mechanism.u_slices[i]] += force
-            for link, wrench in link_wrenches(load, state).items():
+            on_links.append(link_wrenches(load, seen))
+            for link, wrench in on_links[-1].items():
                 if not load.conservative:
                     power = power + dot(wrench, state.twist(link))
         power = power + dot(forces[False], state.velocities)
         u = forces[False] + forces[True]
-        return Applied(u, self._coordinate_forces(u), self.wrenches(t, q, v), power)
+        return Applied(u, self._coordinate_forces(u), self._on_bodies(state, on_links), power)
 
-    def wrenches(self, t: Array | float, q: Array, v: Array) -> dict[int, Array]:
+    def state_rate(self, state: State) -> Array:
+        """ż (..., nz) of all loads."""
+        return joined(NOTHING, *(state_rates(load, seen) for load, seen in self.seen(state)))
+
+    def wrenches(self, state: State) -> dict[int, Array]:
         """The loads' wrenches (..., 6) on bodies, by body index, about O_i and resolved in K_i."""
-        state = State(self.mechanism, self.tree, t, q, v)
+        return self._on_bodies(state, [link_wrenches(load, seen) for load, seen in self.seen(state)])
+
+    def _on_bodies(self, state: State, on_links: list[dict[int, Array]]) -> dict[int, Array]:
+        """Wrenches that loads exert on links, about the links' origins, as wrenches on the bodies that these belong to."""
         found: dict[int, Array] = {}
-        for load in self.loads:
-            for link, wrench in link_wrenches(load, state).items():
-                if (body := self.tree.link_body[link]) >= 0:  # what is fixed to the ground does not feel it
-                    on_body = wrench_to_parent(state.placement(link), wrench)
-                    found[body] = found[body] + on_body if body in found else on_body
+        for link, wrench in (item for wrenches in on_links for item in wrenches.items()):
+            if (body := self.tree.link_body[link]) >= 0:  # what is fixed to the ground does not feel it
+                on_body = wrench_to_parent(state.placement(link), wrench)
+                found[body] = found[body] + on_body if body in found else on_body
         return found
 
     def _coordinate_forces(self, u: Array) -> Array:
@@ -95,31 +120,21 @@ class Equations:
 
     # --- how it moves ---
 
-    def accelerate(self, q: Array, v: Array, acts: Applied, formalism: str, *, carried: bool = False) -> Solution:
+    def accelerate(self, state: State, acts: Applied, formalism: str, *, resting: bool = False) -> Solution:
         """η̇ by the named route; the saddle-point routes have no pivots to show.
 
-        carried: what joints carry is wanted as well, so k̂ of "nonrecursive" had better come from the bodies as they are.
+        resting: f̌ᵏ of the bodies as they are at η̇ = 0 is wanted as well, for what joints carry: "nonrecursive" then takes k̂ from those.
         """
-        if formalism == "auto":
-            formalism = self.cheapest
         if formalism == "nonrecursive" and (least := self.minimal):
-            if carried:
-                return nonrecursive(self.tree, q, v, acts.tau, acts.wrenches, self.gravity, inertias=least.tree)
-            return nonrecursive(least.tree, q, v, acts.tau, least.wrenches(acts.wrenches), self.gravity)
+            if resting:
+                return nonrecursive(state, acts.tau, acts.wrenches, self.gravity, inertias=least.tree)
+            return nonrecursive(state.on(least.tree), acts.tau, least.wrenches(acts.wrenches), self.gravity)
         if formalism in SWEEPS:
-            return SWEEPS[formalism](self.tree, q, v, acts.tau, acts.wrenches, self.gravity)
-        _, _, vdot = SADDLES[formalism](self.tree, q, v, acts.u, acts.wrenches, self.gravity)
+            return SWEEPS[formalism](state, acts.tau, acts.wrenches, self.gravity)
+        _, _, vdot = SADDLES[formalism](state, acts.u, acts.wrenches, self.gravity)
         # Pivoting hides what is singular; the pivots of M̂ tell.
-        M = self.mass_matrix(q)
+        M = mass_matrix(self.tree, state.motion, dtype_of(state.q))
         return Solution(vdot, stacked(factorise(M, couplings(self.tree))[1]))
-
-    @cached_property
-    def cheapest(self) -> str:
-        """The route with the fewest operations here; NumPy's cost per call decides: one sweep per body against one entry per pair."""
-        depth = [0]
-        for body in self.tree.bodies:
-            depth.append(depth[body.parent + 1] + 1)
-        return "nonrecursive" if self.tree.has_mimic or sum(depth) <= 8 * len(self.tree.bodies) else "recursive"
 
     def rate(self, q: Array, v: Array) -> Array:
         """β̇ (..., nq)."""
@@ -135,59 +150,45 @@ class Equations:
 
     # --- what it takes and carries ---
 
-    def inverse(self, q: Array, v: Array, vdot: Array, wrenches: dict[int, Array]) -> Array:
+    def inverse(self, state: State, vdot: Array, wrenches: dict[int, Array]) -> Array:
         """The coordinate forces (..., nv) that η̇ needs, joint loads included."""
-        state = kinematics.motion(self.tree, q, v)
-        f = joint_wrenches(self.tree, state, vdot, wrenches, self.gravity)
-        return coordinate_forces(self.tree, state, f)
+        f = joint_wrenches(self.tree, state.motion, vdot, wrenches, self.gravity)
+        return coordinate_forces(self.tree, state.motion, f)
 
-    def mass_matrix(self, q: Array) -> Array:
+    def mass_matrix(self, state: State) -> Array:
         """M̂ (..., nv, nv)."""
-        state = kinematics.motion(self.tree, q, np.zeros(self.tree.nv))
-        return mass_matrix(self.tree, state, dtype_of(q))
-
-    def bias(self, q: Array, v: Array, wrenches: dict[int, Array]) -> Array:
-        """−k̂ᶜ − k̂ᵗ (..., nv): what inverse dynamics gives at η̇ = 0."""
-        return bias_forces(self.tree, kinematics.motion(self.tree, q, v), wrenches, self.gravity)
+        return mass_matrix(self.tree, state.motion, dtype_of(state.q))
 
     def reactions(
         self,
-        q: Array,
-        v: Array,
+        state: State,
         vdot: Array,
         u: Array,
-        wrenches: dict[int, Array],
         *,
+        wrenches: dict[int, Array],
         frame: str,
         part: str,
         joints: tuple[int, ...],
-        from_bias: bool = False,
+        resting: Field | None = None,
     ) -> Array:
-        """Wrenches (..., n, 6) of the joints with these indices at η̇ and joint forces u (..., nu); `self.tree` must be open at each."""
-        state = kinematics.motion(self.tree, q, v)
-        total = joint_wrenches(self.tree, state, vdot, wrenches, self.gravity, from_bias=from_bias)
-        return reactions(self.tree, state, q, total, u, frame=frame, part=part, joints=joints)
+        """Wrenches (..., n, 6) of the joints with these indices at η̇ and joint forces u (..., nu); `self.tree` must be open at each.
+
+        wrenches: of the loads, on bodies. resting: f̌ᵏ of this tree at η̇ = 0, where it has been found.
+        """
+        total = joint_wrenches(self.tree, state.motion, vdot, wrenches, self.gravity, resting=resting)
+        return reactions(state, total, u, frame=frame, part=part, joints=joints)
 
     # --- energies, places ---
 
-    def kinetic(self, q: Array, v: Array) -> Array:
-        """Kinetic energy (...) [J]."""
-        return energy.kinetic(self.tree, kinematics.motion(self.tree, q, v))
-
-    def potential(self, t: Array | float, q: Array, v: Array) -> Array:
+    def potential(self, state: State) -> Array:
         """Potential energy (...) [J] of gravity and the conservative loads."""
-        state = State(self.mechanism, self.tree, t, q, v)
-        of_gravity = energy.potential(self.tree, kinematics.motion(self.tree, q, v), self.gravity)
-        return of_gravity + sum(load.potential(state) for load in self.loads if load.conservative)
+        of_gravity = energy.potential(state, self.gravity)
+        return of_gravity + sum(load.potential(seen) for load, seen in self.seen(state) if load.conservative)
 
-    def momentum(self, q: Array, v: Array) -> Array:
-        """Angular momentum about the ground's origin, linear momentum (..., 6)."""
-        return energy.momentum(self.tree, kinematics.motion(self.tree, q, v))
-
-    def link_poses(self, q: Array) -> Array:
+    def link_poses(self, q: Array, t: Array | float = 0.0) -> Array:
         """The pose (..., nlinks, 4, 4) of every link's frame in the ground's."""
         tree = self.tree
-        world = kinematics.world_poses(tree, kinematics.poses(tree, q))
+        world = kinematics.world_poses(tree, kinematics.poses(tree, q, t))
         if len(tree.bodies) < len(tree.link_body):  # some are fixed to others' bodies, or to the ground
             placed = (Pose(R, r) for R, r in zip(tree.link_rotation, tree.link_translation, strict=True))
             matrices = [homogeneous(*(world[b] @ X if b >= 0 else X)) for b, X in zip(tree.link_body, placed, strict=True)]
@@ -200,48 +201,3 @@ class Equations:
 
         poses = tree.rows(tree.each(entries, world), tree.link_body, 16)
         return poses.reshape(*poses.shape[:-1], 4, 4)
-
-
-class Views:
-    """A scene's equations in one arithmetic, made when first asked for.
-
-    backend: "numpy" and "mpmath" take the robot as it is; "native", which is float64 too, has a minimal tree for η̇: with reduce=None
-    where that costs no digits, with True or False in any case or never.
-    """
-
-    def __init__(self, robot: Mechanism, gravity: Array, loads: Sequence[Load], backend: str, *, reduce: bool | None = None) -> None:
-        self._robot, self._gravity, self._loads, self._backend = robot, gravity, loads, backend
-        self._reduce = reduce
-        self._cut: dict[frozenset[int], Equations] = {}
-
-    def opened_at(self, joints: Iterable[int]) -> Equations:
-        """Cut open at these joints (by index) where they are fixed, so that their reactions appear; lumped elsewhere."""
-        fixed = frozenset(i for i in joints if not self._robot.joints[i].type.nv)
-        if fixed not in self._cut:
-            with precision(self._backend):
-                robot, gravity = (self._robot.exact(), exact(self._gravity)) if self._backend == "mpmath" else (self._robot, self._gravity)
-                tree = lump(robot, cut=fixed)
-            # Cut open or not, it moves alike.
-            fewest = (lambda: self.lumped.minimal) if fixed else (lambda: self._fewest(tree))
-            self._cut[fixed] = Equations(self._robot, tree, gravity, self._loads, fewest if self._backend == "native" else None)
-        return self._cut[fixed]
-
-    def _fewest(self, tree: Tree) -> Minimal | None:
-        if self._reduce is None:
-            return reduced(self._robot, tree)
-        return minimal(tree) if self._reduce else None
-
-    @property
-    def lumped(self) -> Equations:
-        """On the bodies that move; links on fixed joints are lumped."""
-        return self.opened_at(())
-
-    @property
-    def placed(self) -> Equations:
-        """Those that place links with the fewest operations."""
-        return self.lumped
-
-    @property
-    def opened(self) -> Equations:
-        """Cut open at every joint, fixed ones and the joint to ground included."""
-        return self.opened_at(range(len(self._robot.joints)))

@@ -3,15 +3,20 @@
 A question is immutable and hashable: it is also the key under which its compiled kernel is kept.
 """
 
-from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, NamedTuple, Self
+
+import numpy as np
 
 from ..arithmetic import Array, zeros
+from ..formalism import energy
 from ..formalism.solution import Solution
+from ..formalism.state import NOTHING
 from ..model import Mechanism
-from .equations import Views
+from .views import Views
 
 Shapes = dict[str, tuple[int, ...]]
+LOADS = ("joint_forces", "link_wrenches")  # what loads answer, by the names of their methods
 
 
 class Answer(NamedTuple):
@@ -23,14 +28,14 @@ class Answer(NamedTuple):
 
 @dataclass(frozen=True)
 class Question:
-    """Base: `needs` names the arrays that `answer` takes beside the time, `shapes` what it returns for one state."""
+    """Base: `needs` names the arrays that `answer` takes beside the time and the loads' own states z, `shapes` what it returns."""
 
     needs: ClassVar[tuple[str, ...]]
     admissible: ClassVar[bool] = True  # q must satisfy φ(q) = 0; the stages of an integrator are off by its error
-    loaded: ClassVar[tuple[str, ...]] = ("joint_forces", "link_wrenches")  # what of the loads has a part in it
+    loaded: ClassVar[tuple[str, ...]] = LOADS  # what of the loads has a part in it
 
-    def shapes(self, robot: Mechanism) -> Shapes:
-        """Shape of each array of the answer, for one state."""
+    def shapes(self, robot: Mechanism, nz: int = 0) -> Shapes:
+        """Shape of each array of the answer, for one state of a robot whose loads have nz states of their own."""
         raise NotImplementedError
 
     def answer(self, views: Views, t: Array | float, **arrays: Array) -> Answer:
@@ -39,50 +44,66 @@ class Question:
 
 
 @dataclass(frozen=True)
-class ForwardDynamics(Question):
-    """η̇ (..., nv)."""
+class Solved(Question):
+    """A question about accelerations that have to be solved for, by a route: "auto", or a name in `equations.FORMALISMS`."""
 
     formalism: str
+
+    def by(self, formalism: str) -> Self:
+        """The same question by another route."""
+        return replace(self, formalism=formalism)
+
+
+@dataclass(frozen=True)
+class ForwardDynamics(Solved):
+    """η̇ (..., nv)."""
+
     needs = ("q", "v", "tau")
 
-    def shapes(self, robot: Mechanism) -> Shapes:
+    def shapes(self, robot: Mechanism, nz: int = 0) -> Shapes:
         return {"vdot": (robot.nv,)}
 
-    def answer(self, views: Views, t: Array | float, q: Array, v: Array, tau: Array) -> Answer:  # type: ignore[override]
-        solution = views.lumped.accelerate(q, v, views.lumped.applied(t, q, v, tau), self.formalism)
+    def answer(self, views: Views, t: Array | float, q: Array, v: Array, tau: Array, z: Array = NOTHING) -> Answer:  # type: ignore[override]
+        equations = views.lumped
+        state = equations.state(t, q, v, z)
+        solution = equations.accelerate(state, equations.applied(state, tau), self.formalism)
         return Answer({"vdot": solution.vdot}, solution)
 
 
 @dataclass(frozen=True)
-class Evolution(Question):
-    """ẋ of the state x = (β, η, w), w the work of the loads: what an integrator asks."""
+class Evolution(Solved):
+    """ẋ of the state x = (β, η, z, w), w the work of the loads: what an integrator asks."""
 
-    formalism: str
     needs = ("q", "v", "tau")
     admissible = False
+    loaded = (*LOADS, "state_rate")
 
-    def shapes(self, robot: Mechanism) -> Shapes:
-        return {"qdot": (robot.nq,), "vdot": (robot.nv,), "power": ()}
+    def shapes(self, robot: Mechanism, nz: int = 0) -> Shapes:
+        return {"qdot": (robot.nq,), "vdot": (robot.nv,), "power": ()} | ({"zdot": (nz,)} if nz else {})
 
-    def answer(self, views: Views, t: Array | float, q: Array, v: Array, tau: Array) -> Answer:  # type: ignore[override]
-        acts = views.lumped.applied(t, q, v, tau)
-        solution = views.lumped.accelerate(q, v, acts, self.formalism)
-        return Answer({"qdot": views.lumped.rate(q, v), "vdot": solution.vdot, "power": acts.power}, solution)
+    def answer(self, views: Views, t: Array | float, q: Array, v: Array, tau: Array, z: Array = NOTHING) -> Answer:  # type: ignore[override]
+        equations = views.lumped
+        state = equations.state(t, q, v, z)
+        acts = equations.applied(state, tau)
+        solution = equations.accelerate(state, acts, self.formalism)
+        rates = {"qdot": equations.rate(q, v), "vdot": solution.vdot, "power": acts.power}
+        return Answer(rates | ({"zdot": equations.state_rate(state)} if z.shape[-1] else {}), solution)
 
 
 @dataclass(frozen=True)
-class Result(Question):
+class Result(Solved):
     """η̇ (..., nv) and the joints' own forces u (..., nu): what a trajectory keeps of a state."""
 
-    formalism: str
     needs = ("q", "v", "tau")
 
-    def shapes(self, robot: Mechanism) -> Shapes:
+    def shapes(self, robot: Mechanism, nz: int = 0) -> Shapes:
         return {"vdot": (robot.nv,), "u": (robot.nu,)}
 
-    def answer(self, views: Views, t: Array | float, q: Array, v: Array, tau: Array) -> Answer:  # type: ignore[override]
-        acts = views.lumped.applied(t, q, v, tau)
-        solution = views.lumped.accelerate(q, v, acts, self.formalism)
+    def answer(self, views: Views, t: Array | float, q: Array, v: Array, tau: Array, z: Array = NOTHING) -> Answer:  # type: ignore[override]
+        equations = views.lumped
+        state = equations.state(t, q, v, z)
+        acts = equations.applied(state, tau)
+        solution = equations.accelerate(state, acts, self.formalism)
         return Answer({"vdot": solution.vdot, "u": acts.u}, solution)
 
 
@@ -92,12 +113,14 @@ class InverseDynamics(Question):
 
     needs = ("q", "v", "a")
 
-    def shapes(self, robot: Mechanism) -> Shapes:
+    def shapes(self, robot: Mechanism, nz: int = 0) -> Shapes:
         return {"tau": (robot.nv,)}
 
-    def answer(self, views: Views, t: Array | float, q: Array, v: Array, a: Array) -> Answer:  # type: ignore[override]
-        acts = views.lumped.applied(t, q, v, zeros((views.lumped.tree.nv,), v.dtype))
-        return Answer({"tau": views.lumped.inverse(q, v, a, acts.wrenches) - acts.tau})
+    def answer(self, views: Views, t: Array | float, q: Array, v: Array, a: Array, z: Array = NOTHING) -> Answer:  # type: ignore[override]
+        equations = views.lumped
+        state = equations.state(t, q, v, z)
+        acts = equations.applied(state, zeros((equations.tree.nv,), v.dtype))
+        return Answer({"tau": equations.inverse(state, a, acts.wrenches) - acts.tau})
 
 
 @dataclass(frozen=True)
@@ -108,16 +131,17 @@ class Balance(Question):
     needs = ("q", "v", "a", "tau")
     admissible = False
 
-    def shapes(self, robot: Mechanism) -> Shapes:
+    def shapes(self, robot: Mechanism, nz: int = 0) -> Shapes:
         shapes: Shapes = {"residual": (robot.nv,), "u": (robot.nu,), "qdot": (robot.nq,), "power": ()}
         return {name: shapes[name] for name in self.shown}
 
-    def answer(self, views: Views, t: Array | float, q: Array, v: Array, a: Array, tau: Array) -> Answer:  # type: ignore[override]
+    def answer(self, views: Views, t: Array | float, q: Array, v: Array, a: Array, tau: Array, z: Array = NOTHING) -> Answer:  # type: ignore[override]
         equations = views.lumped
-        acts = equations.applied(t, q, v, tau)
+        state = equations.state(t, q, v, z)
+        acts = equations.applied(state, tau)
         found = {"u": acts.u, "power": acts.power}
         if "residual" in self.shown:
-            found["residual"] = acts.tau - equations.inverse(q, v, a, acts.wrenches)
+            found["residual"] = acts.tau - equations.inverse(state, a, acts.wrenches)
         if "qdot" in self.shown:
             found["qdot"] = equations.rate(q, v)
         return Answer({name: found[name] for name in self.shown})
@@ -130,35 +154,37 @@ class MassMatrix(Question):
     needs = ("q",)
     loaded = ()
 
-    def shapes(self, robot: Mechanism) -> Shapes:
+    def shapes(self, robot: Mechanism, nz: int = 0) -> Shapes:
         return {"M": (robot.nv, robot.nv)}
 
     def answer(self, views: Views, t: Array | float, q: Array) -> Answer:  # type: ignore[override]
-        return Answer({"M": views.lumped.mass_matrix(q)})
+        equations = views.lumped
+        return Answer({"M": equations.mass_matrix(equations.state(t, q, np.zeros(equations.tree.nv)))})
 
 
 @dataclass(frozen=True)
-class JointReactions(Question):
+class JointReactions(Solved):
     """Wrenches (..., n, 6) of the joints with these indices, at the accelerations that tau causes."""
 
-    formalism: str
     frame: str
     part: str
     joints: tuple[int, ...]
     needs = ("q", "v", "tau")
 
-    def shapes(self, robot: Mechanism) -> Shapes:
+    def shapes(self, robot: Mechanism, nz: int = 0) -> Shapes:
         return {"wrenches": (len(self.joints), 6)}
 
-    def answer(self, views: Views, t: Array | float, q: Array, v: Array, tau: Array) -> Answer:  # type: ignore[override]
+    def answer(self, views: Views, t: Array | float, q: Array, v: Array, tau: Array, z: Array = NOTHING) -> Answer:  # type: ignore[override]
         opened = views.opened_at(self.joints)
-        # The minimal form finds what all bodies need at η̇ = 0 either way: then both are asked of the same bodies.
-        shared = self.formalism == "nonrecursive" and opened.fewest is not None
-        moving = opened if shared else views.lumped
-        acts = moving.applied(t, q, v, tau)
-        solution = moving.accelerate(q, v, acts, self.formalism, carried=shared)
-        wrenches, shown = opened.wrenches(t, q, v), {"frame": self.frame, "part": self.part, "joints": self.joints}
-        return Answer({"wrenches": opened.reactions(q, v, solution.vdot, acts.u, wrenches, from_bias=shared, **shown)}, solution)
+        # Where it is a minimal tree that moves, f̌ᵏ at η̇ = 0 is found of the opened one, for k̂ and for what joints carry.
+        resting = self.formalism == "nonrecursive" and opened.fewest is not None
+        moving = opened if resting else views.lumped
+        state = moving.state(t, q, v, z)
+        acts = moving.applied(state, tau)
+        solution = moving.accelerate(state, acts, self.formalism, resting=resting)
+        seen = state.on(opened.tree)
+        found = {"resting": solution.resting if resting else None, "wrenches": acts.wrenches if resting else opened.wrenches(seen)}
+        return Answer({"wrenches": opened.reactions(seen, solution.vdot, acts.u, **found, **_shown(self))}, solution)
 
 
 @dataclass(frozen=True)
@@ -171,12 +197,17 @@ class KnownReactions(Question):
     needs = ("q", "v", "a", "u")
     loaded = ("link_wrenches",)
 
-    def shapes(self, robot: Mechanism) -> Shapes:
+    def shapes(self, robot: Mechanism, nz: int = 0) -> Shapes:
         return {"wrenches": (len(self.joints), 6)}
 
-    def answer(self, views: Views, t: Array | float, q: Array, v: Array, a: Array, u: Array) -> Answer:  # type: ignore[override]
-        opened, shown = views.opened_at(self.joints), {"frame": self.frame, "part": self.part, "joints": self.joints}
-        return Answer({"wrenches": opened.reactions(q, v, a, u, opened.wrenches(t, q, v), **shown)})
+    def answer(self, views: Views, t: Array | float, q: Array, v: Array, a: Array, u: Array, z: Array = NOTHING) -> Answer:  # type: ignore[override]
+        opened = views.opened_at(self.joints)
+        state = opened.state(t, q, v, z)
+        return Answer({"wrenches": opened.reactions(state, a, u, wrenches=opened.wrenches(state), **_shown(self))})
+
+
+def _shown(question: JointReactions | KnownReactions) -> dict[str, Any]:
+    return {"frame": question.frame, "part": question.part, "joints": question.joints}
 
 
 @dataclass(frozen=True)
@@ -186,11 +217,12 @@ class Energies(Question):
     needs = ("q", "v")
     loaded = ()
 
-    def shapes(self, robot: Mechanism) -> Shapes:
+    def shapes(self, robot: Mechanism, nz: int = 0) -> Shapes:
         return {"kinetic": (), "potential": ()}
 
     def answer(self, views: Views, t: Array | float, q: Array, v: Array) -> Answer:  # type: ignore[override]
-        return Answer({"kinetic": views.lumped.kinetic(q, v), "potential": views.lumped.potential(t, q, v)})
+        state = views.lumped.state(t, q, v)
+        return Answer({"kinetic": energy.kinetic(state), "potential": views.lumped.potential(state)})
 
 
 @dataclass(frozen=True)
@@ -200,11 +232,11 @@ class Momentum(Question):
     needs = ("q", "v")
     loaded = ()
 
-    def shapes(self, robot: Mechanism) -> Shapes:
+    def shapes(self, robot: Mechanism, nz: int = 0) -> Shapes:
         return {"momentum": (6,)}
 
     def answer(self, views: Views, t: Array | float, q: Array, v: Array) -> Answer:  # type: ignore[override]
-        return Answer({"momentum": views.lumped.momentum(q, v)})
+        return Answer({"momentum": energy.momentum(views.lumped.state(t, q, v))})
 
 
 @dataclass(frozen=True)
@@ -214,8 +246,8 @@ class LinkPoses(Question):
     needs = ("q",)
     loaded = ()
 
-    def shapes(self, robot: Mechanism) -> Shapes:
+    def shapes(self, robot: Mechanism, nz: int = 0) -> Shapes:
         return {"poses": (len(robot.links), 4, 4)}
 
     def answer(self, views: Views, t: Array | float, q: Array) -> Answer:  # type: ignore[override]
-        return Answer({"poses": views.placed.link_poses(q)})
+        return Answer({"poses": views.placed.link_poses(q, t)})

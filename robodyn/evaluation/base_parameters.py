@@ -8,9 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..formalism.kinematics import motion
 from ..formalism.nonrecursive import mass_matrix, nonrecursive
 from ..formalism.recursive import recursive
+from ..formalism.state import State
 from ..model import Mechanism, Minimal, Tree, lump, minimal
 from . import remembered
 
@@ -43,10 +43,11 @@ def rounding(mechanism: Mechanism) -> tuple[float, float]:
     free = replace(mechanism, joints=tuple(replace(joint, mimic=None) for joint in mechanism.joints))
     tree, rng = lump(free), np.random.default_rng(0)
     q, v = (np.stack(x) for x in zip(*(free.random_state(rng) for _ in range(STATES)), strict=True))
-    inertias = mass_matrix(tree, motion(tree, q, v), q.dtype).diagonal(axis1=-2, axis2=-1)
+    state = State(free, tree, 0.0, q, v)
+    inertias = mass_matrix(tree, state.motion, q.dtype).diagonal(axis1=-2, axis2=-1)
     acts = rng.uniform(-PUSH, PUSH, v.shape) * inertias.mean(0), {}, WEIGHT
     with np.errstate(all="ignore"):
-        exact = recursive(tree, q, v, *acts).vdot
-        found = [nonrecursive(bodies, q, v, *acts).vdot for bodies in (tree, minimal(tree).tree)]
+        exact = recursive(state, *acts).vdot
+        found = [nonrecursive(state.on(bodies), *acts).vdot for bodies in (tree, minimal(tree).tree)]
         plain, base = (np.sqrt(np.mean((abs(x - exact).max(-1) / abs(exact).max(-1)) ** 2)) for x in found)
     return float(plain), float(base)

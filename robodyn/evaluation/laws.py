@@ -7,10 +7,15 @@ import numpy as np
 from ..engine.trace.graph import Graph
 from ..errors import InputError
 from ..loads import ControlLaw, Load, State
-from ..loads.answers import joint_forces, link_wrenches
+from ..loads.checked import joint_forces, link_wrenches, state_rates
 from ..model import Mechanism, Tree
 
-ANSWERS = {"joint_forces": joint_forces, "link_wrenches": link_wrenches}  # of a load, each by what `Question.loaded` calls it
+# What a load answers, by what `Question.loaded` calls it.
+ANSWERS = {
+    "joint_forces": joint_forces,
+    "link_wrenches": link_wrenches,
+    "state_rate": lambda load, state: {0: state_rates(load, state)},
+}
 
 
 class Unchanged:
@@ -45,9 +50,10 @@ class Unchanged:
     def _written_down(self, load: Load, kind: str) -> str:
         """What a load computes, in operations on symbols."""
         graph = Graph()
-        (t,), q, v = (graph.inputs(name, (n,)) for name, n in (("t", 1), ("q", self._robot.nq), ("v", self._robot.nv)))
+        sizes = {"t": 1, "q": self._robot.nq, "v": self._robot.nv, "z": len(load.initial_state(self._robot))}
+        (t,), q, v, z = (graph.inputs(name, (n,)) for name, n in sizes.items())
         with np.errstate(all="ignore"):  # a division by a constant zero is no matter before there are numbers
-            forces = ANSWERS[kind](load, State(self._robot, self._tree, t, q, v))
+            forces = ANSWERS[kind](load, State(self._robot, self._tree, t, q, v, z))
         return repr((graph.nodes, {i: [getattr(x, "number", x) for x in np.ravel(f)] for i, f in forces.items()}))
 
 

@@ -13,11 +13,13 @@ from typing import Any
 import numpy as np
 
 from ..arithmetic import Array
-from ..dynamics.equations import Equations, Views
-from ..engine.trace.graph import Graph, Scalar
+from ..dynamics.equations import Equations
+from ..dynamics.views import Views
+from ..engine.trace.graph import Graph
 from ..engine.trace.recording import SUM, Forest, objects
 from ..engine.trace.sweeps import Recorder, Records
-from ..model import Body, Field, Inertia, Tree
+from ..model import Body, Field, Tree
+from ..model.constants import constants, likeness, with_constants
 from ..system.processes import cached_property
 
 KINDS = 8  # of a tree: beyond, those that are most alike share a step, as each takes some hundredths of a second to compile
@@ -43,7 +45,7 @@ class LoopedTree(Tree):
         kinds, parameters = np.zeros(len(self.bodies), dtype=np.int64), [np.zeros(0)] * len(self.bodies)
         for k, kind in enumerate(self._kinds):
             for i in kind.members:
-                kinds[i], parameters[i] = k, _constants(self.bodies[i])[kind.free]
+                kinds[i], parameters[i] = k, constants(self.bodies[i])[kind.free]
         starts = {name: np.array([getattr(body, name).start for body in self.bodies]) for name in ("q", "v", "u")}
         parents = np.array([body.parent for body in self.bodies])
         return self.recorder.forest(Forest(kinds, parents, starts, parameters))
@@ -89,6 +91,11 @@ class LoopedTree(Tree):
             return self._same(lambda body: [0.0] * size(body))
         region, start = found
         return self._same(lambda body: [("vector", region, start, kind, k) for k in range(size(body))])
+
+    def everywhere(self, x: Array) -> Field:
+        region, start = self.recorder.vector(x.reshape(1)) or (self.recorder.sparse(1, ()), 0)
+        kinds = len(self._kinds)
+        return Records(self.recorder, self._forest, [[("vector", region, start, None, 0)]] * kinds, [lambda xs: xs[0]] * kinds)
 
     def on_bodies(self, values: Mapping[int, Array]) -> Field:
         if not values:
@@ -149,32 +156,32 @@ class _Kind:
         """The example with its free constants as symbols."""
         if graph is None:
             return self.example
-        values: list[Any] = _constants(self.example).tolist()
+        values: list[Any] = constants(self.example).tolist()
         for k, place in enumerate(np.flatnonzero(self.free)):
             values[place] = graph.node("in", "param", k)
-        return _with_constants(self.example, values)
+        return with_constants(self.example, values)
 
 
 def _kinds(bodies: Sequence[Body]) -> list[_Kind]:
-    constants = [_constants(body) for body in bodies]
+    numbers = [constants(body) for body in bodies]
 
     def kind(members: list[int]) -> _Kind:
-        table = np.array([constants[i] for i in members])
+        table = np.array([numbers[i] for i in members])
         return _Kind(bodies[members[0]], members, (table != table[0]).any(0) | ~_simple(table[0]))
 
     patterns: dict[Any, list[int]] = {}
-    for i, (body, x) in enumerate(zip(bodies, constants, strict=True)):
-        patterns.setdefault((type(body.joint), np.where(_simple(x), x + 0.0, np.inf).tobytes()), []).append(i)
+    for i, (body, x) in enumerate(zip(bodies, numbers, strict=True)):
+        patterns.setdefault((likeness(body), np.where(_simple(x), x + 0.0, np.inf).tobytes()), []).append(i)
     kinds = [kind(members) for members in patterns.values()]
 
     # The rarest joins the one of its joint type that it has most in common with: where the fewest constants become free that were not.
     while len(kinds) > KINDS:
-        types = Counter(type(x.example.joint) for x in kinds)
-        if not (joinable := [x for x in kinds if types[type(x.example.joint)] > 1]):
+        types = Counter(likeness(x.example) for x in kinds)
+        if not (joinable := [x for x in kinds if types[likeness(x.example)] > 1]):
             break
         rare = min(joinable, key=lambda x: len(x.members))
-        others = [x for x in joinable if x is not rare and type(x.example.joint) is type(rare.example.joint)]
-        known = np.array([np.where(x.free, np.nan, constants[x.members[0]]) for x in (rare, *others)])
+        others = [x for x in joinable if x is not rare and likeness(x.example) == likeness(rare.example)]
+        known = np.array([np.where(x.free, np.nan, numbers[x.members[0]]) for x in (rare, *others)])
         common, counts = (known[1:] == known[0]).sum(1), (~np.isnan(known)).sum(1)
         costs = len(rare.members) * (counts[0] - common) + np.array([len(x.members) for x in others]) * (counts[1:] - common)
         other = others[int(costs.argmin())]
@@ -185,45 +192,3 @@ def _kinds(bodies: Sequence[Body]) -> list[_Kind]:
 def _simple(x: Array) -> Array:
     """Which numbers fold away when traced."""
     return np.isin(abs(x), (0.0, 1.0))
-
-
-_UPPER = np.triu_indices(3)
-
-
-def _joint_constants(body: Body) -> list[float]:
-    return [x for f in fields(body.joint) for x in np.ravel(getattr(body.joint, f.name))]
-
-
-def _constants(body: Body) -> Array:
-    """The numbers that make a body: its joint's, its place, its inertia, how it follows a leader."""
-    inertia = body.inertia
-    parts = [
-        _joint_constants(body),
-        body.rotation.ravel(),
-        body.translation,
-        [inertia.mass],
-        inertia.moment,
-        inertia.tensor[_UPPER],
-        [body.ratio, body.offset],
-    ]
-    return np.concatenate([np.asarray(x, dtype=float) for x in parts])
-
-
-def _with_constants(body: Body, values: list[float | Scalar]) -> Body:
-    """The body with other numbers in the same places."""
-    rest = list(values)
-
-    def take(shape: tuple[int, ...]) -> Array:
-        n = int(np.prod(shape, dtype=int))
-        taken, rest[:] = rest[:n], rest[n:]
-        return objects(taken).reshape(shape)
-
-    joint = replace(body.joint, **{f.name: take(np.shape(getattr(body.joint, f.name))) for f in fields(body.joint)})
-    rotation, translation, (mass,), moment, upper = take((3, 3)), take((3,)), take((1,)), take((3,)), take((6,))
-    ratio, offset = take((2,))
-    tensor = np.empty((3, 3), dtype=object)
-    tensor[_UPPER] = upper
-    tensor.T[_UPPER] = upper
-    return replace(
-        body, joint=joint, rotation=rotation, translation=translation, inertia=Inertia(mass, moment, tensor), ratio=ratio, offset=offset
-    )

@@ -14,7 +14,7 @@ from .spatial import Pose, angular, linear, twist_to_child
 
 
 class Motion(NamedTuple):
-    """What one state (q, v) of the tree fixes, an entry per body."""
+    """What one state (t, q, v) of the tree fixes, an entry per body."""
 
     pose: Field  # Pose of K_i in K_p(i)
     subspace: Field  # S_i (6, k), with a mimic joint's ratio: the block of C in eq. (10)
@@ -32,14 +32,19 @@ def joint_velocity(body: Body, eta: Array) -> Array:
     return eta if known(body.ratio) == 1 else body.ratio * eta
 
 
-def relative_pose(body: Body, beta: Array) -> Pose:
-    """The pose of K_i in K_p(i)."""
-    return Pose(body.rotation, body.translation) @ Pose(*body.joint.pose(joint_position(body, beta)))
+def relative_pose(body: Body, beta: Array, t: Array | float = 0.0) -> Pose:
+    """The pose of K_i in K_p(i): ř = ř(ř_p, β, t), eq. (9)."""
+    return Pose(body.rotation, body.translation) @ Pose(*body.joint.at(t).pose(joint_position(body, beta)))
 
 
-def poses(tree: Tree, q: Array) -> Field:
-    """The pose of every body in its parent's frame, at q (..., nq)."""
-    return tree.each(relative_pose, tree.split(q, "q"))
+def poses(tree: Tree, q: Array, t: Array | float = 0.0) -> Field:
+    """The pose of every body in its parent's frame, at q (..., nq) and the time t [s]."""
+    return tree.each(relative_pose, tree.split(q, "q"), *_times(tree, t))
+
+
+def _times(tree: Tree, t: Array | float) -> tuple[Field, ...]:
+    """The time as a record of every body, where a joint depends on it."""
+    return (tree.everywhere(np.asarray(t)),) if tree.rheonomic else ()
 
 
 def world_poses(tree: Tree, pose: Field) -> Field:
@@ -51,16 +56,18 @@ def world_poses(tree: Tree, pose: Field) -> Field:
     return tree.outward(outward, Pose(np.eye(3), np.zeros(3)), pose)
 
 
-def motion(tree: Tree, q: Array, v: Array) -> Motion:
-    """Poses, motion subspaces, twists and bias accelerations at q (..., nq), v (..., nv)."""
+def motion(tree: Tree, q: Array, v: Array, t: Array | float = 0.0) -> Motion:
+    """Poses, motion subspaces, twists and bias accelerations at q (..., nq), v (..., nv) and the time t [s]."""
 
-    def outward(body: Body, parent: Array, beta: Array, eta: Array) -> tuple[Array, tuple]:
-        X = relative_pose(body, beta)
+    def outward(body: Body, parent: Array, beta: Array, eta: Array, t: Array | float = 0.0) -> tuple[Array, tuple]:
+        X, joint = relative_pose(body, beta, t), body.joint.at(t)
         beta, eta = joint_position(body, beta), joint_velocity(body, eta)
-        S = body.joint.motion(beta)
+        S = joint.motion(beta)
         relative = mul(S, eta)
+        if (drift := joint.drift(beta)) is not None:
+            relative = relative + drift
 
-        # v̌_i = −B_ip v̌_p + S_i η_i; the ground rests.
+        # v̌_i = −B_ip v̌_p + S_i η_i + v̄_rel,i; the ground rests.
         carried = twist_to_child(X, parent)
         twist = carried + relative
 
@@ -68,15 +75,15 @@ def motion(tree: Tree, q: Array, v: Array) -> Motion:
         w, wp = angular(carried), angular(parent)
         centripetal = mul(transpose(X.R), cross(wp, cross(wp, X.r)))
         bias = joined(cross(w, angular(relative)), centripetal + 2.0 * cross(w, linear(relative)))
-        own = body.joint.bias(beta, eta)
+        own = joint.bias(beta, eta)
         bias = bias if own is None else bias + own
         return twist, (X, S if known(body.ratio) == 1 else body.ratio * S, twist, bias)
 
-    kept = tree.outward(outward, np.zeros(6), tree.split(q, "q"), tree.split(v, "v"))
+    kept = tree.outward(outward, np.zeros(6), tree.split(q, "q"), tree.split(v, "v"), *_times(tree, t))
     return Motion(*tree.unzip(kept, 4))
 
 
-def accelerations(tree: Tree, state: Motion, ground: Array, vdot: Array | None = None) -> Field:
+def accelerations(tree: Tree, motion: Motion, ground: Array, vdot: Array | None = None) -> Field:
     """ǎ_i (..., 6) of all bodies for η̇ (..., nv) and the ground's acceleration (6,), eq. (11). η̇ = None gives ā of eq. (15)."""
 
     def outward(_: Body, parent: Array, X: Pose, S: Array, bias: Array, change: Array | None = None) -> tuple[Array, Array]:
@@ -85,7 +92,7 @@ def accelerations(tree: Tree, state: Motion, ground: Array, vdot: Array | None =
         return a, a
 
     changes = () if vdot is None else (tree.split(vdot, "v"),)
-    return tree.outward(outward, ground, state.pose, state.subspace, state.bias, *changes)
+    return tree.outward(outward, ground, motion.pose, motion.subspace, motion.bias, *changes)
 
 
 def falling_ground(gravity: Array) -> Array:

@@ -1,4 +1,7 @@
-"""M̂ = Lᵀ D L with the zeros of the tree kept: from the leaves to the root no fill-in appears where two branches do not meet."""
+"""M̂ = Lᵀ D L with the zeros of the tree kept: from the leaves to the root no fill-in appears where two branches do not meet.
+
+Featherstone, Efficient factorization of the joint-space inertia matrix for branched kinematic trees, Int. J. Robotics Research 24, 2005.
+"""
 
 import numpy as np
 

@@ -25,23 +25,23 @@ def weight(inertia: Inertia, R_world: Array, gravity: Array) -> Array:
     return joined(cross(inertia.moment, g), inertia.mass * g)
 
 
-def resultants(tree: Tree, state: Motion, accelerations: Field, wrenches: Wrenches) -> Field:
+def resultants(tree: Tree, motion: Motion, accelerations: Field, wrenches: Wrenches) -> Field:
     """f̌ᵏ_i = M ǎ − f̌ᶜ − f̌ᵗ (..., 6) of all bodies: what their joints together must supply."""
 
     def resultant(body: Body, twist: Array, a: Array, applied: Array | None) -> Array:
         f = RigidInertia.of(body.inertia).times(a) - gyroscopic(body.inertia, twist)
         return f if applied is None else f - applied
 
-    return tree.each(resultant, state.twist, accelerations, tree.on_bodies(wrenches))
+    return tree.each(resultant, motion.twist, accelerations, tree.on_bodies(wrenches))
 
 
-def bias_resultants(tree: Tree, state: Motion, wrenches: Wrenches, gravity: Array) -> Field:
+def bias_resultants(tree: Tree, motion: Motion, wrenches: Wrenches, gravity: Array) -> Field:
     """f̌ᵏ_i (..., 6) at η̇ = 0: M ā − f̌ᶜ − f̌ᵗ, gravity included."""
-    return resultants(tree, state, accelerations(tree, state, falling_ground(gravity)), wrenches)
+    return resultants(tree, motion, accelerations(tree, motion, falling_ground(gravity)), wrenches)
 
 
-def added_resultants(tree: Tree, state: Motion, vdot: Array) -> Field:
+def added_resultants(tree: Tree, motion: Motion, vdot: Array) -> Field:
     """M J η̇ (..., 6): what η̇ adds to f̌ᵏ_i of η̇ = 0."""
-    still = state._replace(bias=tree.each(lambda _: np.zeros(6)))
+    still = motion._replace(bias=tree.each(lambda _: np.zeros(6)))
     changes = accelerations(tree, still, np.zeros(6), vdot)
     return tree.each(lambda body, a: RigidInertia.of(body.inertia).times(a), changes)

@@ -11,62 +11,61 @@ from ..arithmetic.vectors import skew, stacked, transpose
 from ..model import Body, Field, Tree
 from . import ldl
 from .constraints import batch_of, coordinate_forces
-from .kinematics import Motion, motion
+from .kinematics import Motion
 from .newton_euler import Wrenches, bias_resultants
 from .reactions import inward
 from .solution import Solution
 from .spatial import Pose, RigidInertia
+from .state import State
 
 
-def nonrecursive(
-    tree: Tree, q: Array, v: Array, tau: Array, wrenches: Wrenches, gravity: Array, *, inertias: Tree | None = None
-) -> Solution:
-    """η̇ (..., nv) at q (..., nq), v (..., nv) for the coordinate forces tau (..., nv).
+def nonrecursive(state: State, tau: Array, wrenches: Wrenches, gravity: Array, *, inertias: Tree | None = None) -> Solution:
+    """η̇ (..., nv) of a state for the coordinate forces tau (..., nv), and f̌ᵏ of its bodies at η̇ = 0, which k̂ is made of.
 
-    inertias: another tree with the same M̂, to compose it from; k̂ is the tree's own.
+    inertias: another tree with the same M̂, to compose it from; k̂ is that of the state's own.
     """
-    state = motion(tree, q, v)
-    k = tau - bias_forces(tree, state, wrenches, gravity)
-    composed, at = (tree, state) if inertias is None else (inertias, motion(inertias, q, v))
+    tree, composed = state.tree, state if inertias is None else state.on(inertias)
+    resting = bias_resultants(tree, state.motion, wrenches, gravity)
+    k = tau - bias_forces(tree, state.motion, resting)
     meets = ldl.couplings(tree)
-    rows, pivots, reciprocals = ldl.factorise(mass_matrix(composed, at, dtype_of(q, v, tau)), meets)
+    M = mass_matrix(composed.tree, composed.motion, dtype_of(state.q, state.v, tau))
+    rows, pivots, reciprocals = ldl.factorise(M, meets)
     vdot = ldl.solve(rows, reciprocals, [k[..., i] for i in range(tree.nv)], meets)
-    return Solution(stacked(vdot), stacked(pivots))
+    return Solution(stacked(vdot), stacked(pivots), resting=resting)
 
 
-def composites(tree: Tree, state: Motion) -> Field:
+def composites(tree: Tree, motion: Motion) -> Field:
     """The inertia of all that hangs on each joint, as one rigid body."""
 
     def inward(body: Body, arrived: list[RigidInertia], X: Pose) -> tuple[RigidInertia, RigidInertia]:
         composite = sum(arrived, start=RigidInertia.of(body.inertia))
         return composite.to_parent(X), composite
 
-    return tree.inward(inward, state.pose)
+    return tree.inward(inward, motion.pose)
 
 
-def mass_matrix(tree: Tree, state: Motion, dtype: np.dtype) -> Array:
+def mass_matrix(tree: Tree, motion: Motion, dtype: np.dtype) -> Array:
     """M̂ = JᵀMJ (..., nv, nv), symmetric."""
-    composite = composites(tree, state)
-    M = zeros((*batch_of(state), tree.nv, tree.nv), dtype)
+    composite = composites(tree, motion)
+    M = zeros((*batch_of(motion), tree.nv, tree.nv), dtype)
     for i, body in enumerate(tree.bodies):
         if not body.joint.nv:
             continue
         # The wrench (..., 6, k) that unit accelerations of joint i need, carried towards the root.
-        F = momentum_columns(composite[i], state.subspace[i])
-        M[..., body.v, body.v] += transpose(state.subspace[i]) @ F
+        F = momentum_columns(composite[i], motion.subspace[i])
+        M[..., body.v, body.v] += transpose(motion.subspace[i]) @ F
         j = i
         while tree.bodies[j].parent >= 0:
-            F, j = columns_to_parent(state.pose[j], F), tree.bodies[j].parent
-            block = transpose(state.subspace[j]) @ F
+            F, j = columns_to_parent(motion.pose[j], F), tree.bodies[j].parent
+            block = transpose(motion.subspace[j]) @ F
             M[..., tree.bodies[j].v, body.v] += block
             M[..., body.v, tree.bodies[j].v] += transpose(block)
     return M
 
 
-def bias_forces(tree: Tree, state: Motion, wrenches: Wrenches, gravity: Array) -> Array:
-    """−k̂ᶜ − k̂ᵗ (..., nv) of everything but the joint forces: Jᵀ(M ā − f̌ᶜ − f̌ᵗ), gravity included."""
-    f = inward(tree, state, bias_resultants(tree, state, wrenches, gravity))
-    return coordinate_forces(tree, state, f)
+def bias_forces(tree: Tree, motion: Motion, resting: Field) -> Array:
+    """−k̂ᶜ − k̂ᵗ (..., nv) of everything but the joint forces: Jᵀ f̌ᵏ with f̌ᵏ (..., 6) of the bodies at η̇ = 0, gravity included."""
+    return coordinate_forces(tree, motion, inward(tree, motion, resting))
 
 
 def momentum_columns(inertia: RigidInertia, S: Array) -> Array:

@@ -11,9 +11,10 @@ from ..arithmetic import Array
 from ..arithmetic.vectors import joined, mul
 from ..errors import UnknownNameError
 from ..model import Body, Field, Tree
-from .kinematics import Motion, accelerations, falling_ground, joint_position, world_poses
-from .newton_euler import Wrenches, added_resultants, bias_resultants, resultants
+from .kinematics import Motion, accelerations, falling_ground, joint_position
+from .newton_euler import Wrenches, added_resultants, resultants
 from .spatial import Pose, angular, linear, wrench_to_parent
+from .state import State
 
 FRAMES = ("child", "parent", "world")
 PARTS = ("constraint", "total")
@@ -43,32 +44,32 @@ class Reactions(Mapping[str, Array]):
         return f"<Reactions of {len(self)} joints, {self.part} part in the {self.frame} frame, array {self.array.shape}>"
 
 
-def inward(tree: Tree, state: Motion, f: Field) -> Field:
+def inward(tree: Tree, motion: Motion, f: Field) -> Field:
     """B⁻ᵀ f̌ (..., 6 each): what each joint carries when f̌ is needed on each body."""
 
     def step(_: Body, arrived: list[Array], X: Pose, needed: Array) -> tuple[Array, Array]:
         carried = sum(arrived, start=needed)
         return wrench_to_parent(X, carried), carried
 
-    return tree.inward(step, state.pose, f)
+    return tree.inward(step, motion.pose, f)
 
 
-def joint_wrenches(tree: Tree, state: Motion, vdot: Array, wrenches: Wrenches, gravity: Array, *, from_bias: bool = False) -> Field:
+def joint_wrenches(tree: Tree, motion: Motion, vdot: Array, wrenches: Wrenches, gravity: Array, *, resting: Field | None = None) -> Field:
     """The whole wrench (..., 6) through each joint at η̇: reaction and joint forces together.
 
-    from_bias: f̌ᵏ is put together from that of η̇ = 0 and M J η̇. It is the same, and cheaper where `nonrecursive` has found the former for k̂.
+    resting: f̌ᵏ at η̇ = 0 where a route has found it on this tree: then M J η̇ is all that has to be added.
     """
-    if from_bias:
-        rest, change = bias_resultants(tree, state, wrenches, gravity), added_resultants(tree, state, vdot)
-        return inward(tree, state, tree.each(lambda _, f, more: f + more, rest, change))
-    a = accelerations(tree, state, falling_ground(gravity), vdot)
-    return inward(tree, state, resultants(tree, state, a, wrenches))
+    if resting is not None:
+        change = added_resultants(tree, motion, vdot)
+        return inward(tree, motion, tree.each(lambda _, f, more: f + more, resting, change))
+    a = accelerations(tree, motion, falling_ground(gravity), vdot)
+    return inward(tree, motion, resultants(tree, motion, a, wrenches))
 
 
-def reactions(tree: Tree, state: Motion, q: Array, total: Field, u: Array, *, frame: str, part: str, joints: tuple[int, ...]) -> Array:
+def reactions(state: State, total: Field, u: Array, *, frame: str, part: str, joints: tuple[int, ...]) -> Array:
     """The wrenches (..., n, 6) of the joints with these indices, from the whole wrench through every joint.
 
-    `tree` is open at every joint: each link is a body of its own. u (..., nu): the joints' own forces.
+    The state's tree is open at each of them. u (..., nu): the joints' own forces.
     """
 
     def shown(body: Body, f: Array, R: Array, beta: Array, own: Array) -> Array:
@@ -76,9 +77,9 @@ def reactions(tree: Tree, state: Motion, q: Array, total: Field, u: Array, *, fr
             f = f - mul(body.joint.actuation(joint_position(body, beta)), own)
         return f if frame == "child" else turned(R, f)
 
-    X = world_poses(tree, state.pose) if frame == "world" else state.pose
+    tree, X = state.tree, state.world if frame == "world" else state.motion.pose
     R = tree.each(lambda _, pose: pose.R, X)
-    found = tree.each(shown, total, R, tree.split(q, "q"), tree.split(u, "u"))
+    found = tree.each(shown, total, R, tree.split(state.q, "q"), tree.split(u, "u"))
     return tree.rows(found, [tree.link_body[link] for link in joints], 6)
 
 

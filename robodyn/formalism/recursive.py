@@ -1,15 +1,20 @@
-"""Articulated bodies: outward velocities, inward inertias, outward accelerations. O(n)."""
+"""Articulated bodies: outward velocities, inward inertias, outward accelerations. O(n).
+
+Featherstone, The calculation of robot dynamics using articulated-body inertias, Int. J. Robotics Research 2, 1983; Rigid Body Dynamics
+Algorithms, Springer 2008, section 7.3.
+"""
 
 from typing import NamedTuple
 
 from ..arithmetic import Array
 from ..arithmetic.vectors import column, dot, stacked
 from ..errors import ModelError
-from ..model import Body, Tree
-from .kinematics import falling_ground, motion
+from ..model import Body
+from .kinematics import falling_ground
 from .newton_euler import Wrenches, gyroscopic
 from .solution import Solution
 from .spatial import ArticulatedInertia, Pose, angular, linear, twist_to_child, wrench_to_parent
+from .state import State
 
 
 class Freedom(NamedTuple):
@@ -22,16 +27,17 @@ class Freedom(NamedTuple):
     moved: Array  # (...): how large sᵀ A s would be, were the joints of the children locked: what rounding errors are measured by
 
 
-def recursive(tree: Tree, q: Array, v: Array, tau: Array, wrenches: Wrenches, gravity: Array) -> Solution:
-    """η̇ (..., nv) at q (..., nq), v (..., nv) for the coordinate forces tau (..., nv).
+def recursive(state: State, tau: Array, wrenches: Wrenches, gravity: Array) -> Solution:
+    """η̇ (..., nv) of a state for the coordinate forces tau (..., nv). ModelError where joints share coordinates (mimic).
 
     A joint of several freedoms is eliminated one freedom at a time: every pivot is a scalar.
     """
+    tree = state.tree
     if tree.has_mimic:
         raise ModelError("formalism='recursive' cannot eliminate coordinates that several joints share (mimic): use 'nonrecursive'")
 
     # Pass 1, outward: positions, velocities, velocity-dependent accelerations.
-    state = motion(tree, q, v)
+    motion = state.motion
 
     # Pass 2, inward: what each joint lets through of the inertia A and the bias wrench p beyond it.
     def inward(body: Body, arrived: list, X: Pose, S: Array, twist: Array, bias: Array, tau_i: Array, applied: Array | None):
@@ -51,7 +57,7 @@ def recursive(tree: Tree, q: Array, v: Array, tau: Array, wrenches: Wrenches, gr
             A, p = A.without(s, U, d), p + U * column(d * e)
         return (A.to_parent(X), wrench_to_parent(X, p + A.times(bias)), locked.size(X.r)), tuple(freedoms)
 
-    eliminated = tree.inward(inward, *state[:4], tree.split(tau, "v"), tree.on_bodies(wrenches))
+    eliminated = tree.inward(inward, *motion, tree.split(tau, "v"), tree.on_bodies(wrenches))
 
     # Pass 3, outward: accelerations.
     def outward(_: Body, parent: Array, X: Pose, S: Array, bias: Array, freedoms: tuple[Freedom, ...]):
@@ -61,5 +67,5 @@ def recursive(tree: Tree, q: Array, v: Array, tau: Array, wrenches: Wrenches, gr
             a = a + S[..., :, k] * column(found[k])
         return a, (stacked(found), stacked([freedom.pivot for freedom in freedoms]), stacked([freedom.moved for freedom in freedoms]))
 
-    found = tree.outward(outward, falling_ground(gravity), state.pose, state.subspace, state.bias, eliminated)
+    found = tree.outward(outward, falling_ground(gravity), motion.pose, motion.subspace, motion.bias, eliminated)
     return Solution(*(tree.gathered(x) for x in tree.unzip(found, 3)))

@@ -23,6 +23,8 @@ class JointType(ABC):
     velocities: ClassVar[tuple[tuple[str, str], ...]]  # name and unit of each entry of η
     bounded: ClassVar[bool] = False  # <limit lower upper> means something
     rated: ClassVar[bool] = False  # β̇ ≠ η: the rate needs H(β)
+    rigid: ClassVar[bool] = False  # the child never moves in the parent: links on such joints are lumped into one body
+    rheonomic: ClassVar[bool] = False  # it moves by the time as well: see `at` and `drift`
 
     @property
     def nq(self) -> int:
@@ -59,8 +61,16 @@ class JointType(ABC):
     def motion(self, q: Array) -> Array:
         """S (..., 6, nv): the child's twist relative to the parent is S η. This joint's block of C, eq. (10)."""
 
+    def at(self, t: Array | float) -> "JointType":
+        """The joint as it is at time t [s], with numbers in place of what depends on it: itself, unless it is rheonomic."""
+        return self
+
+    def drift(self, q: Array) -> Array | None:
+        """v̄_rel (..., 6) of eq. (10): the child's twist relative to the parent at η = 0; None where it is zero."""
+        return None
+
     def bias(self, q: Array, v: Array) -> Array | None:
-        """The child's acceleration (ε, a) (..., 6) relative to the parent at η̇ = 0; None where it is zero."""
+        """The child's acceleration (ε, a) (..., 6) relative to the parent at η̇ = 0, this joint's share of ā_rel; None where it is zero."""
         return None
 
     def actuation(self, q: Array) -> Array:

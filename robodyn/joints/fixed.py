@@ -15,6 +15,7 @@ class Fixed(JointType):
     kind = "fixed"
     coordinates = ()
     velocities = ()
+    rigid = True
 
     def pose(self, q: Array) -> tuple[Array, Array]:
         return np.eye(3), np.zeros(3)

@@ -7,71 +7,13 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..arithmetic import Array, exact, is_exact
+from ..arithmetic import Array
 from ..arithmetic.symbols import symbols
 from ..arithmetic.vectors import frozen
 from ..errors import InputError
-from ..formalism.kinematics import motion, world_poses
-from ..formalism.spatial import Pose, twist_to_child
-from ..model import Field, Mechanism, Tree
+from ..formalism.state import State
+from ..model import Mechanism
 from ..system.processes import cached_property
-
-
-@dataclass(frozen=True, eq=False)
-class State:
-    """What a load may look at: the time, the coordinates, and on demand where the links are and how fast.
-
-    The arrays of its methods are float64, mpmath numbers or symbols; NumPy's functions take them all, as far as `dispatch` goes, and so
-    do those of `arithmetic`. A choice is np.where, not a branch.
-    """
-
-    mechanism: Mechanism
-    tree: Tree
-    t: Array | float
-    q: Array  # (..., nq)
-    v: Array  # (..., nv)
-
-    def position(self, joint: int) -> Array:
-        """β (..., nq_i) of a joint by its index; a mimic joint's follows its leader."""
-        beta, mimic = self.q[..., self.mechanism.q_slices[joint]], self.mechanism.joints[joint].mimic
-        return symbols(beta if mimic is None else mimic.ratio * beta + mimic.offset)
-
-    def velocity(self, joint: int) -> Array:
-        """η (..., nv_i) of a joint by its index."""
-        eta, mimic = self.v[..., self.mechanism.v_slices[joint]], self.mechanism.joints[joint].mimic
-        return symbols(eta if mimic is None else mimic.ratio * eta)
-
-    @cached_property
-    def velocities(self) -> Array:
-        """The velocity (..., nu) in the direction of each joint force of u, mimic joints' included."""
-        columns, ratios = self.mechanism.driven
-        return ratios * self.v[..., columns]
-
-    def constant(self, x: object) -> Array:
-        """Numbers of a load, in the state's own arithmetic: sums of them must not round in float64 where the state has 50 digits."""
-        return exact(x) if is_exact(self.q) else np.array(x, dtype=float)
-
-    @cached_property
-    def _motion(self):
-        return motion(self.tree, self.q, self.v)
-
-    @cached_property
-    def _world(self) -> Field:
-        return world_poses(self.tree, self._motion.pose)
-
-    def placement(self, link: int) -> Pose:
-        """A link's frame in its body's."""
-        return Pose(self.tree.link_rotation[link], self.tree.link_translation[link])
-
-    def pose(self, link: int) -> Pose:
-        """A link's frame in the ground's, by the link's index."""
-        body, X = self.tree.link_body[link], self.placement(link)
-        return X if body < 0 else Pose(*map(symbols, self._world[body] @ X))
-
-    def twist(self, link: int) -> Array:
-        """A link's twist (..., 6) at its origin, resolved in it."""
-        body, X = self.tree.link_body[link], self.placement(link)
-        return symbols(twist_to_child(X, self._motion.twist[body])) if body >= 0 else np.zeros(6)
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +26,10 @@ class Load:
 
     conservative: ClassVar[bool] = False  # its work is minus the change of `potential`
 
+    def initial_state(self, mechanism: Mechanism) -> Array:
+        """The load's own states z (n,) at the start of a motion; most loads have none."""
+        return np.zeros(0)
+
     def check(self, mechanism: Mechanism) -> None:
         """Raise ModelError or InputError where the load does not fit the robot."""
 
@@ -94,6 +40,10 @@ class Load:
     def link_wrenches(self, state: State) -> Mapping[int, Array]:
         """Wrench [M, F] (..., 6) on links, by link index, about the link's origin and resolved in the link."""
         return {}
+
+    def state_rate(self, state: State) -> Array:
+        """ż (..., n) of the load's own states, which are `state.z` (..., n)."""
+        return np.zeros(0)
 
     def potential(self, state: State) -> Array | float:
         """Potential energy (...) [J] of a conservative load."""

@@ -11,8 +11,8 @@ from ..arithmetic import Array, is_exact
 from ..arithmetic.symbols import symbols
 from ..errors import InputError, ModelError
 from ..model import Mechanism
-from .answers import law_forces
 from .base import Load, State
+from .checked import law_forces
 
 _ROBODYN = Path(__file__).parents[1]
 LINE = 100  # characters of a line of the user's that are shown

@@ -9,8 +9,8 @@ import numpy as np
 from ..arithmetic import Array
 from ..errors import InputError
 from ..model import Mechanism
-from .answers import law_forces
 from .base import Load
+from .checked import law_forces
 
 
 @dataclass(frozen=True, eq=False)

@@ -38,7 +38,8 @@ Field = Any  # a sequence of one record per body: of arrays, or of named tuples 
 class Tree:
     """Bodies, a parent before its children; and where each link of the mechanism sits on its body.
 
-    The formalism visits bodies by the sweeps below alone, so that whoever traces it can run one body's step in a loop instead.
+    What the formalism does at every body it does by the sweeps below, so that whoever traces it can run one body's step in a loop instead.
+    M̂ and the matrices of the saddle-point routes, whose size grows faster than the tree's, go over pairs of bodies by themselves.
     """
 
     bodies: tuple[Body, ...]
@@ -89,6 +90,10 @@ class Tree:
         """The part of each body's joint of a vector q (..., nq), v (..., nv) or u (..., nu), as `kind` says."""
         return [x[..., getattr(body, kind)] for body in self.bodies]
 
+    def everywhere(self, x: Array) -> Field:
+        """The same array (...) for every body."""
+        return [x] * len(self.bodies)
+
     def on_bodies(self, values: Mapping[int, Array]) -> Field:
         """Arrays given by body index; None for all others."""
         return [values.get(i) for i in range(len(self.bodies))]
@@ -123,6 +128,11 @@ class Tree:
         """Whether several joints share a coordinate."""
         columns = [body.v.start for body in self.bodies if body.joint.nv]
         return len(set(columns)) < len(columns)
+
+    @cached_property
+    def rheonomic(self) -> bool:
+        """Whether a joint moves by the time as well."""
+        return any(body.joint.rheonomic for body in self.bodies)
 
     @cached_property
     def rated(self) -> tuple[int, ...]:
@@ -166,8 +176,8 @@ def lump(mechanism: Mechanism, cut: Collection[int] = ()) -> Tree:
             R, r = Rp @ joint.rotation, Rp @ joint.translation + rp
         R, r = frozen(orthonormal(R if R.dtype == object else snapped(R))), frozen(r)
 
-        # A link without freedom adds its inertia to that body; what is fixed to the ground has none to add.
-        if joint.type.nv == 0 and i not in cut:
+        # A link that cannot move adds its inertia to that body; what is fixed to the ground has none to add.
+        if joint.type.rigid and i not in cut:
             if parent >= 0:
                 bodies[parent] = replace(bodies[parent], inertia=bodies[parent].inertia + link.inertia.seen_from(R, r))
             places.append((parent, R, r))

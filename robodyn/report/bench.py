@@ -114,11 +114,11 @@ def facts(subject: Subject) -> dict[str, Any]:
     _needs_digits()
     q = subject.few[0]
     kappa = max(condition(subject.robot, x, a) for x, a in zip(q, subject.exact, strict=True))
-    evaluator = subject.scene.evaluator
-    found = {"name": subject.robot.name, "nv": subject.robot.nv, "condition": kappa, "operations": evaluator.operations}
-    if (plain := evaluator.operations_with(reduce=False)) is not None:
+    routes = subject.scene.evaluator.routes
+    found = {"name": subject.robot.name, "nv": subject.robot.nv, "condition": kappa, "operations": routes.operations}
+    if (plain := routes.operations_with(reduce=False)) is not None:
         error, reduced = rounding(subject.robot)
-        found |= {"unreduced": plain, "reduced": evaluator.operations_with(reduce=True)}
+        found |= {"unreduced": plain, "reduced": routes.operations_with(reduce=True)}
         found["reduction_error"] = reduced / error if error else 1.0
     return found
 

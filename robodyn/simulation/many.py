@@ -93,7 +93,7 @@ def simulate_many(
         raise InputError(f"q0 and v0 have the leading dimensions {q.shape[:-1]}: give (N, nq) and (N, nv)")
     inputs.unit_quaternions("q0", scene.equations().side_conditions(q))
     alone = partial(_alone, scene, q, v, times=wanted, t0=t0, t_end=t_end, method=method, dt=dt, formalism=formalism)
-    if DEFAULT != "native" or not scene.evaluator.compiles_steps(formalism):
+    if DEFAULT != "native" or not scene.evaluator.routes.compiles_steps(formalism):
         started = time.perf_counter()
         found = np.array([alone(row) for row in range(len(q))]).reshape(len(q), len(wanted), q.shape[1] + v.shape[1] + 1)
         return _trajectories(scene, wanted, found, method, formalism, dt, started)

@@ -42,21 +42,21 @@ def compiled(evaluator: Evaluator, method: str, formalism: str, lanes: int, *, h
     """The integrator of a scene, under held joint forces or not; compiled when first asked for, then from the cache on disk."""
     integrator, key = METHODS[method], (method, formalism, lanes, held)
     assert integrator.tableau is not None
-    if key in evaluator.step_loops:
-        return evaluator.step_loops[key]
+    if key in evaluator.integrators.compiled:
+        return evaluator.integrators.compiled[key]
     with _compiling:
-        if key in evaluator.step_loops:  # by another thread, meanwhile
-            return evaluator.step_loops[key]
+        if key in evaluator.integrators.compiled:  # by another thread, meanwhile
+            return evaluator.integrators.compiled[key]
         tableau = integrator.tableau()
-        rhs = evaluator.evolution(formalism, semi_implicit=integrator.semi_implicit, held=held)
-        project = evaluator.projection()
+        rhs = evaluator.integrators.evolution(formalism, semi_implicit=integrator.semi_implicit, held=held)
+        project = evaluator.integrators.projection()
         loaded = load(integrate.module(tableau, rhs, project, lanes), integrate.tables(rhs, project))
         types = (*[ctypes.c_void_p] * 5, ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64)
         function, each = loaded.function("advance", *types), loaded.function("advance_each", *types, ctypes.c_int64)
         function.owner = each.owner = loaded  # the code lives as long as the functions
         room = integrate.room(tableau, rhs, project)
         nx, nheld = rhs.inputs["x"], rhs.inputs.get("held", 0)
-        evaluator.step_loops[key] = found = Advance(function, each, room, nx, nheld, lanes, integrator.adaptive)
+        evaluator.integrators.compiled[key] = found = Advance(function, each, room, nx, nheld, lanes, integrator.adaptive)
         return found
 
 

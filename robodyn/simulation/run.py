@@ -85,7 +85,7 @@ def simulate(
     x0 = np.concatenate([scene.equations().project(state["q0"]), state["v0"], [0.0]])
     if backend == "native":
         scene.evaluator.unchanged.confirm()
-    in_native_code = backend == "native" and METHODS[method].tableau is not None and scene.evaluator.compiles_steps(formalism)
+    in_native_code = backend == "native" and METHODS[method].tableau is not None and scene.evaluator.routes.compiles_steps(formalism)
     integration = Integration(scene, t0, t_end, x0, wanted, method, formalism, {"rtol": rtol, "atol": atol, "dt": dt})
     with _reporter(progress, "compiling" if in_native_code else "simulating") as show:
         if not (in_native_code and integration.starts_natively()):

@@ -231,7 +231,7 @@ def test_help_still_shows_the_arguments(kind):
 FORKING = """
 import gc, os, signal, threading, time, numpy as np, robodyn as rd
 small, large = (rd.random_robot(np.random.default_rng(3), n) for n in (2, 12))
-assert not large._on_earth.evaluator.loops  # so it is traced by two routes, and compared
+assert not large._on_earth.evaluator.routes.loops  # so it is traced by two routes, and compared
 ask = lambda robot: robot.forward_dynamics(robot.neutral(), np.zeros(robot.nv))
 thread = threading.Thread(target=ask, args=(large,))
 def fork():
@@ -384,7 +384,7 @@ def test_another_gravity_keeps_its_kernels(monkeypatch):
     q, v, _ = (x[0] for x in states(robot, 1))
     expected = robot.forward_dynamics(q, v, gravity=(0, 0, -1.62))
     assert np.array_equal(robot.forward_dynamics(q, v, gravity=[0, 0, -9.81]), robot.forward_dynamics(q, v))
-    monkeypatch.setattr("robodyn.evaluation.evaluator.Evaluator._traced", None)  # nothing is traced again
+    monkeypatch.setattr("robodyn.evaluation.tracing.Tracing.program", None)  # nothing is traced again
     assert np.array_equal(robot.forward_dynamics(q, v, gravity=np.array([0, 0, -1.62])), expected)
 
 

@@ -12,6 +12,7 @@ from tools import EPS, ROUTES, SEEDS, case, condition, derivative, error, many_d
 import robodyn as rd
 from robodyn.formalism import constraints, kinematics
 from robodyn.formalism.kinematics import motion
+from robodyn.formalism.newton_euler import bias_resultants
 from robodyn.formalism.reactions import joint_wrenches
 from robodyn.random import MIXED
 
@@ -71,13 +72,14 @@ def test_reactions_are_the_multipliers_of_the_saddle_point(seed):
 
     c = case(seed)
     scene = rd.Scene(c.robot)
-    tree, u = scene.equations(opened=True).tree, scene.equations().applied(0.0, c.q, c.v, c.tau).u
+    state = scene.equations(opened=True).state(0.0, c.q, c.v)
+    tree, u = state.tree, scene.equations().applied(scene.equations().state(0.0, c.q, c.v), c.tau).u
     f_p = c.reference.reactions(c.q, c.v, c.tau).array.reshape(-1)
     tolerance = C * condition(c.robot, c.q) * EPS
-    a, multipliers, _ = saddle_joint(tree, c.q, c.v, u, {}, np.array(scene.gravity))
+    a, multipliers, _ = saddle_joint(state, u, {}, np.array(scene.gravity))
     assert error(f_p, multipliers) < tolerance
-    a_body, resultants, _ = saddle_body(tree, c.q, c.v, u, {}, np.array(scene.gravity))
-    B = constraints.B_matrix(tree, motion(tree, c.q, c.v), np.dtype(float))
+    a_body, resultants, _ = saddle_body(state, u, {}, np.array(scene.gravity))
+    B = constraints.B_matrix(tree, state.motion, np.dtype(float))
     assert error(B.T @ f_p, resultants) < tolerance
     assert error(a, a_body) < tolerance
 
@@ -90,7 +92,9 @@ def test_joint_wrenches_from_those_without_acceleration(seed):
     rng = np.random.default_rng([seed, 5])
     wrenches = {i: rng.normal(size=6) for i in range(len(equations.tree.bodies))}
     state = motion(equations.tree, c.q, c.v)
-    whole, parts = (joint_wrenches(equations.tree, state, c.a, wrenches, np.array((0, 0, -9.81)), from_bias=way) for way in (False, True))
+    gravity = np.array((0, 0, -9.81))
+    ways = (None, bias_resultants(equations.tree, state, wrenches, gravity))
+    whole, parts = (joint_wrenches(equations.tree, state, c.a, wrenches, gravity, resting=way) for way in ways)
     assert error(np.array(parts), np.array(whole)) < C * EPS
 
 
@@ -115,8 +119,8 @@ def test_mass_matrix_is_symmetric_positive_definite_and_J_M_J(seed):
     # JᵀMJ written out, and the columns that inverse dynamics gives.
     from robodyn.formalism.saddle import Saddle
 
-    tree = rd.Scene(c.robot).equations().tree
-    s = Saddle(tree, c.q, c.v, np.zeros(tree.nu), {}, np.zeros(3))
+    state = rd.Scene(c.robot).equations().state(0.0, c.q, c.v)
+    s = Saddle(state, np.zeros(state.tree.nu), {}, np.zeros(3))
     assert error(s.J.T @ s.M @ s.J, M) < C * EPS
     bias = c.reference.bias_forces(c.q, c.v)
     columns = c.reference.inverse_dynamics(c.q, c.v, np.eye(c.robot.nv)) - bias

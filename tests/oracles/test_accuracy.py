@@ -71,5 +71,5 @@ def test_base_parameters_are_used_where_accuracy_does_not_suffer(name, costs):
     robot = real_robots.load(name)
     assert costs_digits(robot) == costs
     evaluator = rd.Scene(robot).evaluator
-    assert evaluator.operations_with(reduce=True) < evaluator.operations_with(reduce=False)
-    assert evaluator.operations["nonrecursive"] == evaluator.operations_with(reduce=not costs)
+    assert evaluator.routes.operations_with(reduce=True) < evaluator.routes.operations_with(reduce=False)
+    assert evaluator.routes.operations["nonrecursive"] == evaluator.routes.operations_with(reduce=not costs)

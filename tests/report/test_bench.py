@@ -217,7 +217,7 @@ def test_rk4_steps_alone_end_where_simulate_does():
     trajectories.steps_alone(subject, 3)()  # raises where a state is not finite
     (contest,) = dynamics.peak(subject)
     assert isinstance(contest, Contest)
-    operations = min(subject.scene.evaluator.operations.values())
+    operations = min(subject.scene.evaluator.routes.operations.values())
     assert str(operations) in contest.work
     # The saving that base inertial parameters make is counted, not claimed.
     about = bench.facts(subject)

@@ -24,6 +24,18 @@ def link_wrenches(load: Load, state: State) -> dict[int, Array]:
     return _checked(load, load.link_wrenches, state, "link", names, [6] * len(names))
 
 
+def state_rates(load: Load, state: State) -> Array:
+    """ż (..., n) of the load's own states, as many as `state.z` has; InputError where they are no such numbers."""
+    rates, n = load.state_rate(state), state.z.shape[-1]
+    try:
+        x = _real(rates)
+    except _NotReal as error:
+        raise InputError(f"{type(load).__name__}.state_rate returned {error}: it must be {n} real numbers{error.remedy}") from None
+    if x.shape[-1:] != (n,):
+        raise InputError(f"{type(load).__name__}.state_rate returned an array of shape {x.shape}: initial_state gave {n} numbers")
+    return x
+
+
 def law_forces(answer: object, mechanism: Mechanism, law: str, t: float | None = None) -> Array:
     """The answer of a control law as an array (nv,), float64 or of symbols; InputError where it is none. law: what the user calls it."""
     try:
