@@ -4,7 +4,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from robodyn.arithmetic import functions as arithmetic
+from robodyn import arithmetic
 from robodyn.arithmetic.symbols import SymbolArray
 from robodyn.engine.emit.large_angles import SMALLEST
 from robodyn.engine.emit.trigonometry import EXACT_BEYOND
@@ -312,3 +312,11 @@ def test_copysign_is_numpys_on_every_pair_and_lane(dtype):
     expected = np.copysign(xs[:, 0], xs[:, 1])
     assert np.array_equal(found["y"][:, 0], expected, equal_nan=True)
     assert (np.signbit(found["y"][:, 0]) == np.signbit(expected)).all()
+
+
+def test_copysign_of_floats_objects_and_constants():
+    """One record is all it takes: NumPy's name, the method, folding, and mpmath's numbers."""
+    graph = Graph()
+    x = graph.inputs("x", (1,)).view(SymbolArray)
+    assert np.copysign(2.0, x)[0].node[0] == np.copysign(x, -0.0)[0].node[0] == "copysign"
+    assert np.copysign(graph.constant(2.0), -0.0).constant == -2.0
