@@ -12,16 +12,14 @@ from typing import Any
 import numpy as np
 
 from .numbers import mpmath
-
-_MPMATH_NAMES = {"arcsin": "asin", "arccos": "acos", "arctan": "atan", "arctan2": "atan2"}
+from .operations import FUNCTIONS
 
 # By the names of NumPy's ufuncs: what does the same to objects, mpmath numbers and traced ones alike.
 ON_OBJECTS: dict[str, np.ufunc] = {}
 
 
-def _elementwise(name: str, on_numbers: Callable[..., Any] | None = None, *, arguments: int = 1) -> Callable[..., Any]:
-    """A function of arrays: NumPy's on floats, a method of this name on what has one, `on_numbers` (or mpmath's) on other objects."""
-    on_numbers = on_numbers or (lambda *xs: getattr(mpmath(), _MPMATH_NAMES.get(name, name))(*xs))
+def _elementwise(name: str, on_numbers: Callable[..., Any], arguments: int = 1) -> Callable[..., Any]:
+    """A function of arrays: NumPy's on floats, a method of this name on what has one, `on_numbers` on other objects."""
 
     def one(*xs: Any) -> Any:
         method = getattr(xs[0], name, None)
@@ -48,33 +46,18 @@ def _of_arrays(name: str, one: Callable[..., Any], arguments: int, **identity: A
     return function
 
 
-sin = _elementwise("sin")
-cos = _elementwise("cos")
-tan = _elementwise("tan")
-arcsin = _elementwise("arcsin")
-arccos = _elementwise("arccos")
-arctan = _elementwise("arctan")
-arctan2 = _elementwise("arctan2", arguments=2)
-sqrt = _elementwise("sqrt")
-exp = _elementwise("exp")
-log = _elementwise("log")
-expm1 = _elementwise("expm1")
-log1p = _elementwise("log1p")
-sinh = _elementwise("sinh")
-cosh = _elementwise("cosh")
-tanh = _elementwise("tanh")
-cbrt = _elementwise("cbrt", lambda x: mpmath().sign(x) * mpmath().cbrt(abs(x)))
-hypot = _elementwise("hypot", arguments=2)
-floor = _elementwise("floor")
-ceil = _elementwise("ceil")
-trunc = _elementwise("trunc", lambda x: mpmath().sign(x) * mpmath().floor(abs(x)))
-rint = _elementwise("rint", lambda x: mpmath().nint(x))
+_FUNCTIONS = {f.called: _elementwise(f.called, f.exact, f.arity) for f in FUNCTIONS}
+sin, cos, tan = (_FUNCTIONS[name] for name in ("sin", "cos", "tan"))
+arcsin, arccos, arctan, arctan2 = (_FUNCTIONS[name] for name in ("arcsin", "arccos", "arctan", "arctan2"))
+sqrt, cbrt, hypot = (_FUNCTIONS[name] for name in ("sqrt", "cbrt", "hypot"))
+exp, log, expm1, log1p = (_FUNCTIONS[name] for name in ("exp", "log", "expm1", "log1p"))
+sinh, cosh, tanh = (_FUNCTIONS[name] for name in ("sinh", "cosh", "tanh"))
+floor, ceil, trunc, rint = (_FUNCTIONS[name] for name in ("floor", "ceil", "trunc", "rint"))
+minimum, maximum = (_FUNCTIONS[name] for name in ("minimum", "maximum"))
+sign = _elementwise("sign", lambda x: mpmath().sign(x))
 remainder = _of_arrays("remainder", operator.mod, 2)
 floor_divide = _of_arrays("floor_divide", operator.floordiv, 2)
 power = _of_arrays("power", operator.pow, 2)
-sign = _elementwise("sign")
-minimum = _elementwise("minimum", lambda x, y: x if x != x or x < y else y, arguments=2)
-maximum = _elementwise("maximum", lambda x, y: x if x != x or x > y else y, arguments=2)
 
 # Conditions: bool arrays, or objects that have no truth value before a kernel runs. `x > 0` itself is not for arrays of symbols, whose
 # truth NumPy would ask for.

@@ -4,7 +4,8 @@ import mpmath
 import numpy as np
 import pytest
 
-from robodyn.arithmetic import functions as arithmetic
+from robodyn import arithmetic
+from robodyn.arithmetic.symbols import SymbolArray
 from robodyn.engine.emit.large_angles import SMALLEST
 from robodyn.engine.emit.trigonometry import EXACT_BEYOND
 from robodyn.engine.run.kernel import Kernel
@@ -299,3 +300,25 @@ def test_large_arguments_change_nothing_about_the_others():
     assert np.array_equal(found["y"][unchanged], plain["y"][unchanged])
     assert np.allclose(found["y"], np.concatenate([np.sin(mixed), np.cos(mixed), np.sin(np.cos(mixed))], axis=-1), rtol=0, atol=3e-16)
     assert np.array_equal(found["y"], np.stack([together((1,), {"x": x[None]})[0]["y"][0] for x in mixed]))
+
+
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+def test_copysign_is_numpys_on_every_pair_and_lane(dtype):
+    special = np.array([0.0, -0.0, 1.5, -1.5, np.inf, -np.inf, np.nan, -np.nan, 1e-30, -1e30])
+    xs = np.array([(a, b) for a in special for b in special], dtype=dtype)
+    graph = Graph()
+    x = graph.inputs("x", (2,)).view(SymbolArray)
+    run = Kernel(program(graph, {"x": 2}, {"y": np.atleast_1d(np.copysign(x[0], x[1]))}), dtype)
+    finite = xs[np.isfinite(xs).all(1)]  # a batch ends at the first number that is not
+    for rows in (finite, *xs[:, None]):
+        found, expected = run((len(rows),), {"x": rows})[0]["y"][:, 0], np.copysign(rows[:, 0], rows[:, 1])
+        assert np.array_equal(found, expected, equal_nan=True)
+        assert (np.signbit(found) == np.signbit(expected)).all()
+
+
+def test_copysign_of_floats_objects_and_constants():
+    """One record is all it takes: NumPy's name, the method, folding, and mpmath's numbers."""
+    graph = Graph()
+    x = graph.inputs("x", (1,)).view(SymbolArray)
+    assert np.copysign(2.0, x)[0].node[0] == np.copysign(x, -0.0)[0].node[0] == "copysign"
+    assert np.copysign(graph.constant(2.0), -0.0).constant == -2.0

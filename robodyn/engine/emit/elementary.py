@@ -13,10 +13,11 @@ from typing import Any
 
 import numpy as np
 
+from ...arithmetic.operations import OPERATIONS
 from .code import Code
 from .trigonometry import Type
 
-FUNCTIONS = {"exp": 1, "log": 1, "tanh": 1, "pow": 2}  # name → arguments
+FUNCTIONS = {op.name: op.arity for op in OPERATIONS.values() if op.writer}  # name → arguments
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...arithmetic.operations import OPERATIONS
 from ..trace.graph import LEAVES, TRIGONOMETRIC
 from ..trace.program import Program
 from . import elementary, large_angles as payne_hanek
@@ -23,11 +24,10 @@ if TYPE_CHECKING:
 
 WHOLE = 10000  # instructions up to which a program is one function: what crosses a border goes through memory
 PIECE = 2500  # instructions in one function beyond: LLVM's time grows faster than linearly, and it spills more than crosses
-BINARY = {"add": "fadd", "sub": "fsub", "mul": "fmul", "div": "fdiv"}
-INTRINSIC = {"sqrt": "sqrt", "abs": "fabs", "min": "minimum", "max": "maximum"}
-INTRINSIC |= {name: name for name in ("floor", "ceil", "trunc", "rint")}
+BINARY = {op.name: op.instruction for op in OPERATIONS.values() if op.instruction and not op.condition}
+INTRINSIC = {op.name: op.intrinsic for op in OPERATIONS.values() if op.intrinsic}
 # Conditions: i1 in a function; in a slot 1 or 0.
-CONDITION = {"lt": "fcmp olt", "le": "fcmp ole", "eq": "fcmp oeq", "and": "and", "or": "or", "not": "xor"}
+CONDITION = {op.name: op.instruction for op in OPERATIONS.values() if op.instruction and op.condition}
 
 
 class Part:

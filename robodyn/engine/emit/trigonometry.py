@@ -11,15 +11,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...arithmetic.operations import OPERATIONS
+
 EXACT_BEYOND = 1e5
 TOGETHER = 8  # arguments that share one test for large ones
 
 INTRINSICS = {"fma": 3, "fabs": 1, "sqrt": 1, "rint": 1, "minnum": 2, "maxnum": 2, "minimum": 2, "maximum": 2, "copysign": 2}
-INTRINSICS |= {"floor": 1, "ceil": 1, "trunc": 1}
+INTRINSICS |= {op.intrinsic: op.arity for op in OPERATIONS.values() if op.intrinsic}
 
 # Functions of the C library, by its name, with their number of arguments.
-LIBRARY = {"tan": 1, "asin": 1, "acos": 1, "atan": 1, "atan2": 2, "sinh": 1, "cosh": 1, "expm1": 1, "log1p": 1}
-LIBRARY |= {"cbrt": 1, "hypot": 2, "fmod": 2}
+LIBRARY = {op.name: op.arity for op in OPERATIONS.values() if op.library}
 
 
 @dataclass(frozen=True)

@@ -6,10 +6,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .graph import CONDITIONS, LEAVES, Graph, Node, Scalar
+from ...arithmetic.operations import OPERATIONS
+from .graph import LEAVES, Graph, Node, Scalar
 
 MANY, LONG = 32, 64  # expressions alike that are worth a loop; nodes of one that is looked at
-COMMUTATIVE = ("add", "mul", "min", "max", "eq")
 
 Steps = tuple[tuple[Any, ...], ...]  # operations in order; operands are earlier steps; of "in" the region, of "const" nothing
 
@@ -58,7 +58,7 @@ class Alike:
             i = todo[-1]
             node: Node = ("in", *self._computed[i]) if i in self._computed else self._graph.nodes[i]
             op, *rest = node
-            if op in COMMUTATIVE:  # a constant may be older than what it meets, or younger
+            if op not in LEAVES and OPERATIONS[op].commutative:  # a constant may be older than what it meets, or younger
                 rest.sort(key=lambda j: self._graph.nodes[j][0] == "const")
             missing = [j for j in rest if j not in found] if op not in LEAVES else []
             if i in found or not missing:
@@ -84,7 +84,10 @@ class Alike:
     def shared(self, found: list[tuple[int, Pattern]]) -> set[int]:
         """The largest expressions that are one and the same node in all of these."""
         steps, nodes = found[0][1].steps, np.array([x.nodes for _, x in found])
-        same = [op not in (*LEAVES, *CONDITIONS) and bool((nodes[:, n] == nodes[0, n]).all()) for n, (op, *_) in enumerate(steps)]
+        same = [
+            op not in LEAVES and not OPERATIONS[op].condition and bool((nodes[:, n] == nodes[0, n]).all())
+            for n, (op, *_) in enumerate(steps)
+        ]
         used = {len(steps) - 1, *(j for n, (op, *operands) in enumerate(steps) if op not in LEAVES and not same[n] for j in operands)}
         return {int(nodes[0, n]) for n in used if same[n]}
 

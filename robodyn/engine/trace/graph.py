@@ -12,15 +12,13 @@ from typing import Any
 
 import numpy as np
 
+from ...arithmetic.operations import FUNCTIONS, OPERATIONS, Operation
 from ...arithmetic.symbols import Symbolic
 
 Node = tuple[Any, ...]  # (operation, operand, …): operands are node numbers, of "const" a float, of "in" a name and an index
 
 TRIGONOMETRIC = ("sin", "cos")
 LEAVES = ("const", "in")
-CONDITIONS = ("true", "false", "lt", "le", "eq", "and", "or", "not")  # what they give is no number
-ODD = ("sin", "tan", "tanh", "asin", "atan", "sinh", "cbrt", "trunc", "rint")
-EVEN = ("cos", "cosh", "abs")
 POWERS = 16  # whole exponents up to which a power is computed by multiplication
 
 
@@ -328,7 +326,7 @@ class Scalar(Traced):
             with np.errstate(all="ignore"):
                 return self.graph.lift(float(np.float64(a) ** np.float64(n)))
         if n == 0.5:
-            return self.sqrt()
+            return self._of_one(OPERATIONS["sqrt"])
         if n is None or n != round(n) or abs(n) > POWERS:
             return self.graph.node("pow", self.number, y.number)
         if n < 0:
@@ -382,129 +380,30 @@ class Scalar(Traced):
 
     # --- functions, by the names that NumPy gives them ---
 
-    def _function(self, name: str, numpy_name: str = "") -> "Scalar":
+    def _of_one(self, op: Operation) -> "Scalar":
         c = self.constant
         if c is not None:
-            return self.graph.lift(float(getattr(np, numpy_name or name)(c)))
+            return self.graph.lift(float(op.on_floats(c)))  # type: ignore[misc]
         x = self._negated()
-        if x is not None and name in ODD:
-            return -x._function(name, numpy_name)
-        if x is not None and name in EVEN:
-            return x._function(name, numpy_name)
-        return self.graph.node(name, self.number)
+        if x is not None and op.odd:
+            return -x._of_one(op)
+        if x is not None and op.even:
+            return x._of_one(op)
+        return self.graph.node(op.name, self.number)
 
-    def _extreme(self, op: str, other: object) -> "Scalar":
+    def _of_two(self, op: Operation, other: object) -> "Scalar":
         y = self.graph.lift(other)
         a, b = self.constant, y.constant
         if a is not None and b is not None:
-            return self.graph.lift(float((np.minimum if op == "min" else np.maximum)(a, b)))
-        return self if self.number == y.number else self.graph.node(op, *sorted((self.number, y.number)))
-
-    def minimum(self, other: object) -> "Scalar":
-        """The smaller; NaN where one is NaN, as np.minimum; −0 is smaller than 0."""
-        return self._extreme("min", other)
-
-    def maximum(self, other: object) -> "Scalar":
-        """The larger; NaN where one is NaN, as np.maximum; 0 is larger than −0."""
-        return self._extreme("max", other)
+            return self.graph.lift(float(op.on_floats(a, b)))  # type: ignore[misc]
+        if op.idempotent and self.number == y.number:
+            return self
+        operands = self.number, y.number
+        return self.graph.node(op.name, *(sorted(operands) if op.commutative else operands))
 
     def sign(self) -> "Scalar":
         """−1, 0 or 1; NaN for NaN, as np.sign."""
         return (self > 0.0).select(1.0, (self < 0.0).select(-1.0, (self == 0.0).select(0.0, self)))
-
-    def sqrt(self) -> "Scalar":
-        """√x."""
-        return self._function("sqrt")
-
-    def sin(self) -> "Scalar":
-        """sin x."""
-        return self._function("sin")
-
-    def cos(self) -> "Scalar":
-        """cos x."""
-        return self._function("cos")
-
-    def tan(self) -> "Scalar":
-        """tan x."""
-        return self._function("tan")
-
-    def arcsin(self) -> "Scalar":
-        """The angle in [−π/2, π/2] with this sine."""
-        return self._function("asin", "arcsin")
-
-    def arccos(self) -> "Scalar":
-        """The angle in [0, π] with this cosine."""
-        return self._function("acos", "arccos")
-
-    def arctan(self) -> "Scalar":
-        """The angle in [−π/2, π/2] with this tangent."""
-        return self._function("atan", "arctan")
-
-    def arctan2(self, x: object) -> "Scalar":
-        """The angle of the point (x, y = self), in [−π, π]."""
-        return self._of_two("atan2", math.atan2, self, self.graph.lift(x))
-
-    def sinh(self) -> "Scalar":
-        """sinh x."""
-        return self._function("sinh")
-
-    def cosh(self) -> "Scalar":
-        """cosh x."""
-        return self._function("cosh")
-
-    def tanh(self) -> "Scalar":
-        """tanh x."""
-        return self._function("tanh")
-
-    def exp(self) -> "Scalar":
-        """eˣ."""
-        return self._function("exp")
-
-    def expm1(self) -> "Scalar":
-        """eˣ − 1."""
-        return self._function("expm1")
-
-    def log(self) -> "Scalar":
-        """The natural logarithm."""
-        return self._function("log")
-
-    def log1p(self) -> "Scalar":
-        """log(1 + x)."""
-        return self._function("log1p")
-
-    def cbrt(self) -> "Scalar":
-        """The real cube root."""
-        return self._function("cbrt")
-
-    def hypot(self, other: object) -> "Scalar":
-        """√(x² + y²), without overflow on the way."""
-        return self._of_two("hypot", np.hypot, self, self.graph.lift(other))
-
-    def floor(self) -> "Scalar":
-        """The largest whole number that is not above x."""
-        return self._function("floor")
-
-    def ceil(self) -> "Scalar":
-        """The smallest whole number that is not below x."""
-        return self._function("ceil")
-
-    def trunc(self) -> "Scalar":
-        """x without what is behind the point."""
-        return self._function("trunc")
-
-    def rint(self) -> "Scalar":
-        """The nearest whole number, the even one of two."""
-        return self._function("rint")
-
-    def _of_two(self, name: str, known: Callable[..., Any], x: "Scalar", y: "Scalar") -> "Scalar":
-        a, b = x.constant, y.constant
-        if a is not None and b is not None:
-            return self.graph.lift(float(known(a, b)))
-        return self.graph.node(name, x.number, y.number)
-
-    def fmod(self, other: object) -> "Scalar":
-        """x − trunc(x/y) y without rounding, of the sign of x."""
-        return self._of_two("fmod", np.fmod, self, self.graph.lift(other))
 
     def __mod__(self, other: object) -> "Scalar":
         """x − ⌊x/y⌋ y without rounding, of the sign of y, as np.remainder."""
@@ -523,22 +422,40 @@ class Scalar(Traced):
             return NotImplemented
         y = self.graph.lift(other)
         rest, beyond = self._divided(y)
-        whole = ((self - rest) / y).rint()
+        whole = ((self - rest) / y)._of_one(OPERATIONS["rint"])
         return (y == 0.0).select(self / y, beyond.select(whole - 1.0, whole))
 
     def _divided(self, y: "Scalar") -> tuple["Scalar", Condition]:
         """What division by y towards zero leaves, and whether the whole number below is another, as the signs differ."""
-        rest = self.fmod(y)
+        rest = self._of_two(OPERATIONS["fmod"], y)
         return rest, (rest < 0.0) & (y > 0.0) | (rest > 0.0) & (y < 0.0)
 
     def __rfloordiv__(self, other: object) -> "Scalar":
         return NotImplemented if isinstance(other, np.ndarray) else self.graph.lift(other) // self
 
     def __abs__(self) -> "Scalar":
-        return self._function("abs")
+        return self._of_one(OPERATIONS["abs"])
 
     def __bool__(self) -> bool:
         raise TypeError("a traced number has no truth value: which way a branch goes is not known before the kernel runs")
+
+
+def _method(op: Operation) -> Callable[..., Scalar]:
+    """The method of traced scalars that NumPy and `arithmetic` call for a function."""
+
+    def of_one(self: Scalar) -> Scalar:
+        return self._of_one(op)
+
+    def of_two(self: Scalar, other: object) -> Scalar:
+        return self._of_two(op, other)
+
+    method = of_one if op.arity == 1 else of_two
+    method.__name__, method.__qualname__, method.__doc__ = op.called, f"Scalar.{op.called}", op.meaning
+    return method
+
+
+for _op in FUNCTIONS:
+    setattr(Scalar, _op.called, _method(_op))
 
 
 def scalars(outputs: Sequence[object], graph: Graph) -> list[Scalar]:

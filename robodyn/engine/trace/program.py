@@ -10,12 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from ...arithmetic.operations import OPERATIONS
 from .graph import LEAVES, TRIGONOMETRIC, Graph, Scalar
 
 Instruction = tuple[Any, ...]  # (operation, operand, …), as in a graph; "fma" a·b + c, "fms" a·b − c, "fnma" c − a·b
 
-# Operations whose result is not finite where one of their first so many operands is not.
-PASSED_ON = {"add": 2, "sub": 2, "mul": 2, "div": 1, "neg": 1, "fma": 3, "fms": 3, "fnma": 3, "sin": 1, "cos": 1}
 NEAR = 256  # values that the first-level cache has room for beside all else: vectors of 64 bytes in 32 KB
 FAR = 4  # operations in the time that a value from farther away takes
 
@@ -47,18 +46,17 @@ class Program:
     @property
     def operations(self) -> int:
         """Floating-point operations of one evaluation, a fused multiply-add counted as two, functions not at all."""
-        weights = {"add": 1, "sub": 1, "mul": 1, "div": 1, "neg": 0, "fma": 2, "fms": 2, "fnma": 2}
-        return sum(weights.get(op, 0) for op, *_ in self.instructions)
+        return sum(OPERATIONS[op].flops for op, *_ in self.instructions if op not in LEAVES)
 
     @property
     def telling(self) -> set[int]:
-        """Values that need not be looked at to know whether they are finite: where they are not, neither is an output or a guard."""
+        """Values that need no test for finiteness: where one is not finite, an output or a guard is not either, and shows it."""
         told: set[int] = set()
         shown = {i for values in (*self.outputs.values(), self.guards) for i in values}
         for i in reversed(range(len(self.instructions))):
             op, *operands = self.instructions[i]
-            if (i in shown or i in told) and op in PASSED_ON:
-                told.update(operands[: PASSED_ON[op]])
+            if (i in shown or i in told) and op not in LEAVES:
+                told.update(operands[: OPERATIONS[op].passed_on])
         return told
 
     @property
