@@ -9,7 +9,6 @@
 SI units and radians; six-vectors angular first; quaternions (w, x, y, z). DESIGN of the conventions: README.md.
 """
 
-from importlib import import_module
 from typing import TYPE_CHECKING
 
 __version__ = "0.1.0"
@@ -26,6 +25,8 @@ _PUBLIC = {
     "Trajectory": "simulation",
     "Trajectories": "simulation",
     "loads": "loads",
+    "joints": "joints",
+    **dict.fromkeys(("Inertia", "Joint", "Limits", "Link", "Mimic"), "model"),
     **dict.fromkeys(("ControlLaw", "JointDamping", "JointForce", "JointFriction", "JointSpring", "LinkWrench", "Sampled"), "loads"),
     **dict.fromkeys(
         ("RobodynError", "UrdfError", "ModelError", "InputError", "SimulationError", "FileError", "MissingPackageError", "RobodynWarning"),
@@ -36,10 +37,11 @@ _PUBLIC = {
 __all__ = ["__version__", *_PUBLIC]  # pyright: ignore[reportUnsupportedDunderAll]
 
 if TYPE_CHECKING:
-    from . import loads
+    from . import joints, loads
     from .errors import FileError, InputError, MissingPackageError, ModelError, RobodynError, RobodynWarning, SimulationError, UrdfError
     from .formalism.reactions import Reactions
     from .loads import ControlLaw, JointDamping, JointForce, JointFriction, JointSpring, LinkWrench, Sampled
+    from .model import Inertia, Joint, Limits, Link, Mimic
     from .random import random_robot
     from .robot import Robot, load
     from .scene import Scene
@@ -49,11 +51,13 @@ if TYPE_CHECKING:
 def __getattr__(name: str) -> object:
     if name not in _PUBLIC:
         raise AttributeError(f"module 'robodyn' has no attribute {name!r}")
+    from importlib import import_module
+
     module = import_module(f"{__name__}.{_PUBLIC[name]}")
-    value = module if name == "loads" else getattr(module, name)
+    value = module if name == _PUBLIC[name] else getattr(module, name)
     globals()[name] = value
     return value
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *_PUBLIC})
+    return sorted([*__all__, *(name for name in globals() if name.startswith("__") and name != "__version__")])

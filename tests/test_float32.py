@@ -171,8 +171,8 @@ def test_the_same_bits_whatever_the_batch_and_the_threads():
     assert np.array_equal(whole, ask(*(x.astype(float) for x in (q, v, tau))))
     assert np.array_equal(whole, ask(np.asfortranarray(q), v[::-1][::-1], tau.repeat(2, axis=0)[::2]))
     assert np.array_equal(whole, pickle.loads(pickle.dumps(c.robot)).forward_dynamics(q, v, tau, dtype="float32"))
-    code = c.robot._on_earth.evaluator.kernel(ForwardDynamics("auto"), SINGLE)
-    assert code is not c.robot._on_earth.evaluator.kernel(ForwardDynamics("auto"))
+    code = c.robot.alone.evaluator.kernel(ForwardDynamics("auto"), SINGLE)
+    assert code is not c.robot.alone.evaluator.kernel(ForwardDynamics("auto"))
 
 
 # An arm that swings about the vertical, with a rod on it that rolls about itself: 1e-9 kg m² beside its 1 kg m².

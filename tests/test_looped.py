@@ -39,7 +39,7 @@ def all_looped(monkeypatch):
 def big():
     """A tree of every joint type with fixed links in it and a free base, too large to be written out."""
     c = case(3, n=90, branching=0.4, floating_base=True)
-    assert len(c.robot._on_earth.equations().tree.bodies) > 60
+    assert len(c.robot.alone.equations().tree.bodies) > 60
     assert {joint.type.kind for joint in c.robot.joints} >= {"revolute", "prismatic", "planar", "spherical", "floating", "fixed"}
     return c
 
@@ -50,7 +50,7 @@ def batch_of(c, n):
 
 
 def program_of(robot, formalism="auto"):
-    return robot._on_earth.evaluator.kernel(ForwardDynamics(formalism)).program
+    return robot.alone.evaluator.kernel(ForwardDynamics(formalism)).program
 
 
 # --- against 50 digits and the reference ---
@@ -132,7 +132,7 @@ def test_reactions_of_some_joints_in_any_order(big):
 
 def test_reactions_at_known_accelerations(big):
     """Asked for as a trajectory does, with joint forces given; and the same motion caused by the forces that inverse dynamics finds."""
-    scene, tau = big.robot._on_earth, big.robot.inverse_dynamics(big.q, big.v, big.a)
+    scene, tau = big.robot.alone, big.robot.inverse_dynamics(big.q, big.v, big.a)
     known = scene.reactions_of(big.q, big.v, big.a, tau, part="total")
     caused = big.reference.reactions(big.q, big.v, tau, part="total")
     assert error(known.array, caused.array) < C * condition(big.robot, big.q) * EPS
@@ -168,7 +168,7 @@ def patterned(n):
 
 def test_simple_constants_of_many_patterns():
     robot = patterned(110)
-    tree = robot._on_earth.equations().tree
+    tree = robot.alone.equations().tree
     assert len(tree.bodies) > 60
     rng = np.random.default_rng(1)
     q, v = robot.random_state(rng)
@@ -189,7 +189,7 @@ def test_code_does_not_grow_with_the_number_of_patterns():
     code = {}
     for n in (110, 400):
         robot = patterned(n)
-        tree = robot._on_earth.equations().tree
+        tree = robot.alone.equations().tree
         kinds = LoopedTree.of(tree, Recorder())._kinds
         assert len(kinds) == KINDS
         assert sorted(i for kind in kinds for i in kind.members) == list(range(len(tree.bodies)))
@@ -415,7 +415,7 @@ def test_pinocchio_on_a_hundred_joints():
     assert error(robot.mass_matrix(q), np.triu(M) + np.triu(M, 1).T) < C * EPS
     assert error(robot.inverse_dynamics(q, v, a), pin.rnea(model, data, q, v, a)) < C * EPS
     expected = np.stack([swap(data.f[i].vector) for i in range(1, 101)])
-    found = robot._on_earth.reactions_of(q, v, a, 0 * a, part="total", joints=robot.joint_names)
+    found = robot.alone.reactions_of(q, v, a, 0 * a, part="total", joints=robot.joint_names)
     assert error(found.array, expected) < C * EPS
 
 
@@ -467,7 +467,7 @@ def test_ten_thousand_hinges_forward_and_back():
     q, v = robot.random_state(rng)
     tau = rng.normal(size=N)
     a = robot.forward_dynamics(q, v, tau)
-    largest = abs(robot._on_earth.reactions_of(q, v, a, tau, part="total").array).max()
+    largest = abs(robot.alone.reactions_of(q, v, a, tau, part="total").array).max()
     assert abs(robot.inverse_dynamics(q, v, a) - tau).max() < N * EPS * largest
     assert N * EPS * largest < 1e-3  # which is a statement: torques are of size 1
 
@@ -566,7 +566,7 @@ def gang():
     """A robot of more than 100 bodies with mimic joints, quaternions and a free base; and a scene with loads on it."""
     types = ("revolute", "prismatic", "revolute", "continuous", "spherical", "planar", "fixed")
     robot = coupled(rd.random_robot(np.random.default_rng(36), 130, branching=0.4, joint_types=types, floating_base=True), 36)
-    assert len(robot._on_earth.equations().tree.bodies) > routes.WRITTEN_OUT
+    assert len(robot.alone.equations().tree.bodies) > routes.WRITTEN_OUT
     moving = [joint for joint in robot.joints if joint.type.nv]
     single = [joint.name for joint in moving if joint.type.nv == 1]
     followers = [joint.name for joint in moving if joint.mimic]

@@ -10,7 +10,8 @@ import numpy as np
 
 from ..arithmetic import Array
 from ..errors import InputError, SimulationError
-from ..scene import EARTH, Scene
+from ..evaluation.asking import EARTH
+from ..scene import Scene
 from ..simulation import METHODS, Trajectory, simulate
 from ..system.files import make_folder, writable
 from .common import assignments, load_robot, number, print_table, robot_arguments

@@ -1,6 +1,6 @@
 """One file per joint type; `JOINT_TYPES` maps the word in <joint type="…"> to its class."""
 
-from .base import JointType
+from .base import Attribute, AxisJoint, JointType
 from .fixed import Fixed
 from .free import Free
 from .planar import Planar
@@ -10,4 +10,16 @@ from .spherical import Spherical
 
 JOINT_TYPES: dict[str, type[JointType]] = {joint.kind: joint for joint in (Fixed, Revolute, Continuous, Prismatic, Planar, Spherical, Free)}
 
-__all__ = ["JOINT_TYPES", "Continuous", "Fixed", "Free", "JointType", "Planar", "Prismatic", "Revolute", "Spherical"]
+__all__ = [
+    "JOINT_TYPES",
+    "Attribute",
+    "AxisJoint",
+    "Continuous",
+    "Fixed",
+    "Free",
+    "JointType",
+    "Planar",
+    "Prismatic",
+    "Revolute",
+    "Spherical",
+]

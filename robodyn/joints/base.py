@@ -5,13 +5,25 @@ All six-vectors are angular first and resolved in the child's frame, at the chil
 """
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
 from ..arithmetic import Array, exact
 from ..arithmetic.vectors import frozen, unit
+
+
+@dataclass(frozen=True)
+class Attribute:
+    """Where a URDF gives a constant: <joint> <tag name="0.5"/> </joint>, or in <joint> itself where no tag is named."""
+
+    name: str
+    tag: str = ""
+    size: int = 1  # how many numbers
+    default: tuple[float, ...] | None = None  # what absent means; None: it must be there
+    use: str = "a constant of the joint"
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,6 +33,7 @@ class JointType(ABC):
     kind: ClassVar[str]  # the word in <joint type="…">
     coordinates: ClassVar[tuple[tuple[str, str], ...]]  # name and unit of each entry of β; "" where there is only one
     velocities: ClassVar[tuple[tuple[str, str], ...]]  # name and unit of each entry of η
+    attributes: ClassVar[Mapping[str, Attribute]] = {}  # a constant of the joint, as its field is called → where a URDF gives it
     bounded: ClassVar[bool] = False  # <limit lower upper> means something
     rated: ClassVar[bool] = False  # β̇ ≠ η: the rate needs H(β)
     rigid: ClassVar[bool] = False  # the child never moves in the parent: links on such joints are lumped into one body
@@ -37,9 +50,12 @@ class JointType(ABC):
         return len(self.velocities)
 
     @classmethod
-    def from_axis(cls, axis: Array) -> Self:
-        """The joint about or along the axis (3,) of a URDF file, in the child's frame; types without an axis ignore it."""
-        return cls()
+    def from_axis(cls, axis: Array, **constants: Any) -> Self:
+        """The joint about or along the axis (3,) of a URDF file, in the child's frame; types without an axis ignore it.
+
+        constants: its other fields.
+        """
+        return cls(**constants)
 
     def exact(self) -> Self:
         """The same joint with its constants as mpmath numbers."""
@@ -103,11 +119,13 @@ class JointType(ABC):
 class AxisJoint(JointType):
     """A joint whose constant is one unit axis (3,)."""
 
+    attributes = {"axis": Attribute("xyz", "axis", 3, (1.0, 0.0, 0.0), "direction of the joint, brought to length 1")}
+
     axis: Array
 
     @classmethod
-    def from_axis(cls, axis: Array) -> Self:
-        return cls(frozen(unit(frozen(axis, (3,)))))
+    def from_axis(cls, axis: Array, **constants: Any) -> Self:
+        return cls(frozen(unit(frozen(axis, (3,)))), **constants)
 
     def exact(self) -> Self:
         return replace(self, axis=unit(exact(self.axis)))

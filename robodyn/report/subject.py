@@ -9,8 +9,9 @@ import numpy as np
 
 from ..arithmetic import Array
 from ..errors import InputError, RobodynError
+from ..evaluation.asking import EARTH
 from ..robot import Robot, load
-from ..scene import EARTH, Scene
+from ..scene import Scene
 from ..system.processes import cached_property, cores
 from .timing import Job
 

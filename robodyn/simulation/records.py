@@ -25,7 +25,12 @@ _MODEL = (
     model.Joint,
     model.Mimic,
 )
-_CLASSES: dict[str, type] = {cls.__name__: cls for cls in (*_MODEL, *JOINT_TYPES.values(), *LOADS.values(), model.Mechanism, Robot, Scene)}
+_CLASSES: dict[str, type] = {cls.__name__: cls for cls in (*_MODEL, *LOADS.values(), model.Mechanism, Robot, Scene)}
+
+
+def _class(name: str) -> type | None:
+    """The class that a record names. Joint types are looked up when asked for: one may have been added since."""
+    return _CLASSES.get(name) or next((cls for cls in JOINT_TYPES.values() if cls.__name__ == name), None)
 
 
 def to_json(value: object) -> str:
@@ -42,7 +47,7 @@ def from_json(text: str) -> Any:
 
 
 def _encode(value: object) -> object:
-    if _CLASSES.get(type(value).__name__) is type(value):
+    if _class(type(value).__name__) is type(value):
         assert dataclasses.is_dataclass(value)
         fields = {f.name: _encode(getattr(value, f.name)) for f in dataclasses.fields(value)}
         return {"class": type(value).__name__, "fields": fields}
@@ -65,7 +70,10 @@ def _decode(value: Any) -> Any:
     if not isinstance(value, dict):
         return value
     if "class" in value:
-        return _CLASSES[value["class"]](**{name: _decode(v) for name, v in value["fields"].items()})
+        cls = _class(value["class"])
+        if cls is None:
+            raise KeyError(value["class"])
+        return cls(**{name: _decode(v) for name, v in value["fields"].items()})
     if "dict" in value:
         return {_decode(k): _decode(v) for k, v in value["dict"]}
     array = np.array(value["array"], dtype=float).reshape(value["shape"])

@@ -29,8 +29,10 @@ class Appearance:
     ledger: Ledger
 
 
-def assemble(robot: "urdf.Robot", find: Find, ledger: Ledger, *, source: str | None, floating_base: bool) -> Mechanism:
-    """The mechanism with every joint free to move: `couple` adds mimics and locks."""
+def assemble(
+    robot: "urdf.Robot", constants: Mapping[str, Mapping[str, Any]], find: Find, ledger: Ledger, *, source: str | None, floating_base: bool
+) -> Mechanism:
+    """The mechanism with every joint free to move: `couple` adds mimics and locks. constants: of each joint's type, by the joint's name."""
     links = {link.name: link for link in robot.links}
     children: dict[str, list[urdf.Joint]] = defaultdict(list)
     for joint in robot.joints:
@@ -46,7 +48,7 @@ def assemble(robot: "urdf.Robot", find: Find, ledger: Ledger, *, source: str | N
         joint, parent = stack.pop()
         stack += [(child, len(order)) for child in reversed(children[joint.child])]
         order.append(link_of(links[joint.child], appearance))
-        joints.append(joint_of(joint, parent, ledger))
+        joints.append(joint_of(joint, constants[joint.name], parent, ledger))
     return Mechanism(robot.name, tuple(order), tuple(joints), source=source)
 
 
@@ -127,10 +129,11 @@ def found(path: str, filename: str, link: str, appearance: Appearance) -> str | 
 # --- joints -----------------------------------------------------------------------------------------------------------
 
 
-def joint_of(joint: "urdf.Joint", parent: int, ledger: Ledger) -> Joint:
+def joint_of(joint: "urdf.Joint", constants: Mapping[str, Any], parent: int, ledger: Ledger) -> Joint:
     """A joint on the link with this number."""
     R, r = pose_of(joint.origin)
-    type = JOINT_TYPES[joint.type].from_axis(snapped(unit(joint.axis)))
+    others = {name: value for name, value in constants.items() if name != "axis"}
+    type = JOINT_TYPES[joint.type].from_axis(snapped(unit(constants.get("axis", np.eye(3)[0]))), **others)
     dynamics = joint.dynamics
     damping, friction = (float(value or 0.0) for value in (dynamics.damping, dynamics.friction)) if dynamics else (0.0, 0.0)
     return Joint(joint.name, type, parent, R, r, limits_of(joint, ledger), damping, friction)

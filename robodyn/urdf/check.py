@@ -206,6 +206,16 @@ def freedoms(joint: Element) -> int:
     return len(kind.velocities)
 
 
+def constants(joint: Element) -> dict[str, Array | float]:
+    """What a sound joint says of the constants that its type declares, by the names of their fields: numbers, or arrays (size,)."""
+    found: dict[str, Array | float] = {}
+    for name, constant in JOINT_TYPES[joint.get("type")].attributes.items():
+        holder = joint.first(constant.tag) if constant.tag else joint
+        values = numbers(holder, constant.name, " ".join(map(str, constant.default or ())))
+        found[name] = float(values[0]) if constant.size == 1 else values
+    return found
+
+
 # --- the tree ---------------------------------------------------------------------------------------------------------
 
 

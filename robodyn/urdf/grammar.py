@@ -15,8 +15,7 @@ from dataclasses import dataclass, field
 from difflib import get_close_matches
 from functools import cache
 
-from ..joints import JOINT_TYPES
-from ..joints.base import AxisJoint
+from ..joints import JOINT_TYPES, JointType
 from .document import Element, quoted
 
 LARGEST = 1e100  # a number beyond it overflows where it is squared
@@ -190,34 +189,42 @@ def visual(element: Element) -> Tag | str:
 
 
 @cache
-def joint_tag(kind: str) -> Tag:
-    """The tag of a joint, by its type: what does not move has no axis and no limit."""
-    joint = JOINT_TYPES[kind]
+def joint_tag(joint: type[JointType], words: tuple[str, ...]) -> Tag:
+    """The tag of a joint, by its type: what does not move has no limit, and each type declares the constants that it reads."""
+    kind = joint.kind
     unbounded = f"a {kind} joint has no bounds"
     bounds: dict[str, Value | str] = {"lower": LIMIT, "upper": LIMIT} if joint.bounded else {"lower": unbounded, "upper": unbounded}
     children: dict[str, Rule] = {
         "parent": Tag("the link that carries the joint", {"link": NAME}, required=True),
         "child": Tag("the link that the joint carries", {"link": NAME}, required=True),
         "origin": ORIGIN,
-        "axis": Tag("direction of the joint, brought to length 1", {"xyz": Numbers(count=(3,), required=True)}),
+        "axis": f"a {kind} joint has no axis",
         "limit": Tag("declared limits; the equations enforce none", {**bounds, "effort": LIMIT, "velocity": LIMIT}),
         "dynamics": Tag("forces in the joint", {"damping": POSITIVE, "friction": POSITIVE}),
         "mimic": Tag("coupling to another joint", {"joint": NAME, "multiplier": NUMBER, "offset": NUMBER}),
         "calibration": "reference positions of a sensor change no motion",
         "safety_controller": "soft limits belong to a controller",
     }
-    if not issubclass(joint, AxisJoint):
-        children["axis"] = f"a {kind} joint has no axis"
     if not joint.velocities:
         children["limit"] = children["dynamics"] = f"a {kind} joint does not move"
         children["mimic"] = Alarm(f"a {kind} joint does not move and can follow no other")
-    words = Text(required=True, words=tuple(JOINT_TYPES))
-    return Tag("a joint", {"name": NAME, "type": words}, children, many=True)
+    own: dict[str, Value | str] = {"name": NAME, "type": Text(required=True, words=words)}
+    for constant in joint.attributes.values():
+        inside = Numbers(count=(constant.size,), required=bool(constant.tag) or constant.default is None)
+        if not constant.tag:
+            own[constant.name] = inside
+            continue
+        known = children.get(constant.tag)
+        attributes = known.attributes if isinstance(known, Tag) else {}
+        needed = constant.default is None or (isinstance(known, Tag) and known.required)
+        use = known.use if isinstance(known, Tag) else constant.use
+        children[constant.tag] = Tag(use, {**attributes, constant.name: inside}, required=needed)
+    return Tag("a joint", own, children, many=True)
 
 
 def joint(element: Element) -> Tag:
     """Of a joint whose type is wrong, everything else can still be checked."""
-    return joint_tag(element.get("type") if element.get("type") in JOINT_TYPES else "revolute")
+    return joint_tag(JOINT_TYPES.get(element.get("type"), JOINT_TYPES["revolute"]), tuple(JOINT_TYPES))
 
 
 ROBOT = Tag(

@@ -11,7 +11,7 @@ from typing import IO, TYPE_CHECKING, Any
 from ..errors import InputError, RobodynWarning, UrdfError
 from ..model import Mechanism
 from .assemble import assemble, couple
-from .check import check
+from .check import check, constants
 from .document import Element, parse
 from .ledger import Ledger
 from .packages import find
@@ -44,12 +44,14 @@ def read(
         raise InputError(f"locked = {locked!r:.80}: give a dictionary, as in {{'elbow': 0.5}}")
     data, file, path = contents(source)
     ledger = Ledger(file)
-    robot = values(check(parse(data, file), ledger))
+    sound = check(parse(data, file), ledger)
+    robot = values(sound)
 
     dirs = [package_dirs] if isinstance(package_dirs, str | os.PathLike) else package_dirs
     folder = Path(os.path.abspath(path)).parent if path else None
     where = partial(find, folder=folder, package_dirs=[Path(os.path.abspath(d)) for d in dirs])
-    mechanism = assemble(robot, where, ledger, source=path, floating_base=floating_base)
+    told = {joint.get("name"): constants(joint) for joint in sound.all("joint")}
+    mechanism = assemble(robot, told, where, ledger, source=path, floating_base=floating_base)
     mechanism = couple(mechanism, {joint.name: joint.mimic for joint in robot.joints if joint.mimic}, locked or {}, ledger)
 
     for message in ledger.warnings():

@@ -231,7 +231,7 @@ def test_help_still_shows_the_arguments(kind):
 FORKING = """
 import gc, os, signal, threading, time, numpy as np, robodyn as rd
 small, large = (rd.random_robot(np.random.default_rng(3), n) for n in (2, 12))
-assert not large._on_earth.evaluator.routes.loops  # so it is traced by two routes, and compared
+assert not large.alone.evaluator.routes.loops  # so it is traced by two routes, and compared
 ask = lambda robot: robot.forward_dynamics(robot.neutral(), np.zeros(robot.nv))
 thread = threading.Thread(target=ask, args=(large,))
 def fork():

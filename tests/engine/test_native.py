@@ -53,7 +53,7 @@ def test_the_same_bits_whatever_the_batch_the_lanes_and_the_threads(seed, monkey
     assert np.array_equal(whole, c.robot.forward_dynamics(q, v, tau, threads=3))
     assert np.array_equal(whole[:5], c.robot.forward_dynamics(q[:5], v[:5], tau[:5]))
     assert np.array_equal(whole[7], c.robot.forward_dynamics(q[7], v[7], tau[7]))
-    program = c.robot._on_earth.evaluator.kernel(ForwardDynamics("auto")).program
+    program = c.robot.alone.evaluator.kernel(ForwardDynamics("auto")).program
     for lanes in (2, 4):
         kernel = Kernel(program)
         monkeypatch.setattr("robodyn.engine.run.kernel.lanes", lambda lanes=lanes: lanes)

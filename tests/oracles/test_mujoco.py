@@ -10,8 +10,8 @@ import real_robots
 from tools import EPS, condition, error
 
 import robodyn as rd
+from robodyn.evaluation.asking import EARTH
 from robodyn.report.peers.mujoco import Twin
-from robodyn.scene import EARTH
 
 # Both sides round some dozens of times per joint of a path; κ carries it into accelerations. MuJoCo diagonalises inertias by Jacobi
 # rotations until what is left is below 1e-12 of them.
