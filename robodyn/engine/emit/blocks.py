@@ -2,18 +2,16 @@
 
 from collections import defaultdict
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 from ..trace.graph import LEAVES
+from ..trace.layout import Looped
 from ..trace.program import Program
-from . import rows, straight as emit
+from . import parts, rows
 from .code import Code
 from .constants import Constants
-from .trigonometry import Type
-
-if TYPE_CHECKING:
-    from ..trace.layout import Looped
-    from .loops import LoopedPart
+from .loops import LoopedPart
+from .straight import Operands, Part
+from .types import Type
 
 NAME = "evaluate"  # of the part that `run` calls
 WRITTEN_OUT = 600  # inputs and outputs up to which the code that moves them is written out
@@ -26,27 +24,27 @@ SUMS = 4  # of what must be finite: a single one would be a chain as long as all
 Rows = dict[str, list[str]]  # the addresses of a block's rows, by the name of the input or output
 
 
-def module(program: "Program | Looped", lanes: int, scalar: str = "double") -> str:
+def module(program: Program | Looped, lanes: int, scalar: str = "double") -> str:
     """IR text with `i64 @run(ptr in…, i64 stride…, ptr out…, i64 count)`, for a count of 0, or of at least `lanes`.
 
     in: one pointer per input, to rows of scalars ("double" or "float"), `stride` of them apart (0: one row for all); out: rows without
     gaps. Returns the first row of the first block in which an input, output or guard is not finite or a guard not positive, or −1.
     """
     t, c = Type(lanes, scalar), Code()
-    part = emit.part(program, t, NAME)
+    part = parts.part(program, t, NAME)
     moved = sum(program.inputs.values()) + sum(map(len, program.outputs.values()))
-    if isinstance(part, emit.Part) and part.straight and moved <= WRITTEN_OUT:
+    if isinstance(part, Part) and part.straight and moved <= WRITTEN_OUT:
         constants = Constants(t, f"{NAME}.constants")
         _run(c, t, program, lambda *block: _straight(c, t, part.program, constants, *block))
         definitions = constants.definition()
     else:
-        slots, free = _slots(c, t, part.size, heap=not isinstance(part, emit.Part) or part.size > ON_STACK)
+        slots, free = _slots(c, t, part.size, heap=not isinstance(part, Part) or part.size > ON_STACK)
         _run(c, t, program, lambda *block: _through_slots(c, t, part, slots, *block), free)
         definitions = part.functions()
     arguments = [f"ptr noalias readonly %in{k}, i64 %stride{k}" for k in range(len(program.inputs))]
     arguments += [f"ptr noalias %out{k}" for k in range(len(program.outputs))]
     head = f"define i64 @run({', '.join(arguments)}, i64 %count) nounwind {t.frame}"
-    lines = [*emit.prologue(t, program), *rows.declarations(t), "declare ptr @malloc(i64)", "declare void @free(ptr)"]
+    lines = [*parts.prologue(t, program), *rows.declarations(t), "declare ptr @malloc(i64)", "declare void @free(ptr)"]
     lines += ["declare void @llvm.prefetch.p0(ptr, i32, i32, i32)"]
     return "\n".join([*lines, "declare i64 @llvm.smin.i64(i64, i64)", *definitions, *c.function(head)]) + "\n"
 
@@ -80,7 +78,7 @@ class _Checks:
         return good if t.lanes == 1 else c.value(f"icmp eq i{t.lanes} {c.value(f'bitcast {t.bool} {good} to i{t.lanes}')}, -1")
 
 
-def _run(c: Code, t: Type, program: "Program | Looped", body: Callable[[Rows, Rows, _Checks], None], end: Callable[[], None] | None = None):
+def _run(c: Code, t: Type, program: Program | Looped, body: Callable[[Rows, Rows, _Checks], None], end: Callable[[], None] | None = None):
     """The loop; `body` writes the code of one block."""
     L = t.lanes
     last = c.binary("sub", "i64", "%count", str(L))
@@ -133,7 +131,7 @@ def _straight(c: Code, t: Type, program: Program, constants: Constants, ins: Row
             gather(name, k // L * L)
         return columns[name, k]
 
-    operand = emit.Operands(program, t, load, constants, c.lines)
+    operand = Operands(program, t, load, constants, c.lines)
 
     def scatter(name: str, start: int) -> None:
         group = program.outputs[name][start : start + L]
@@ -209,7 +207,7 @@ def _slots(c: Code, t: Type, size: int, *, heap: bool) -> tuple[str, Callable[[]
     return c.value(f"inttoptr i64 {address} to ptr"), lambda: c.add(f"call void @free(ptr {memory})")
 
 
-def _through_slots(c: Code, t: Type, part: "emit.Part | LoopedPart", slots: str, ins: Rows, outs: Rows, checks: _Checks) -> None:
+def _through_slots(c: Code, t: Type, part: Part | LoopedPart, slots: str, ins: Rows, outs: Rows, checks: _Checks) -> None:
     F, L = t.float, t.lanes
 
     def groups(size: int, start: int, rows_of: list[str], body: Callable[[list[str], str, int], None]) -> None:

@@ -9,7 +9,7 @@ table gets a new name, instructions stay on their side: every few of them it doe
 
 from collections.abc import Iterator
 
-from .trigonometry import Type
+from .types import Type
 
 WINDOW = 4  # instructions in which a number is read once, and which LLVM may put in another order
 

@@ -14,10 +14,10 @@ import numpy as np
 from ...arithmetic import Array
 from ..trace.layout import Looped
 from ..trace.program import Program
-from . import straight as emit
+from . import parts
 from .code import Code
 from .tableau import Tableau
-from .trigonometry import INTRINSICS, Type
+from .types import INTRINSICS, Type
 
 DONE, PAUSED, STEP_TOO_SMALL, NOT_FINITE = range(4)  # what `advance` returns
 STATUSES = 4
@@ -48,7 +48,7 @@ def module(method: Tableau, rhs: Program | Looped, project: Program | Looped | N
 
 def tables(rhs: Program | Looped, project: Program | Looped | None) -> dict[str, Array]:
     """What the module's code reads beside its arguments, by name."""
-    return emit.tables(f=rhs, project=project)
+    return parts.tables(f=rhs, project=project)
 
 
 def room(method: Tableau, rhs: Program | Looped, project: Program | Looped | None) -> int:
@@ -77,8 +77,8 @@ class Entries(NamedTuple):
 class _Writer:
     def __init__(self, method: Tableau, rhs: Program | Looped, project: Program | Looped | None, t: Type) -> None:
         self.m, self.t, self.nx, self.s, self.code = method, t, rhs.inputs["x"], len(method.b), Code()
-        self.f = emit.part(rhs, t, "f", inline=stages(method) * rhs.length <= INLINED)
-        self.project = emit.part(project, t, "project", inline=False) if project else None
+        self.f = parts.part(rhs, t, "f", inline=stages(method) * rhs.length <= INLINED)
+        self.project = parts.part(project, t, "project", inline=False) if project else None
         self.shown = None  # entries of dx that no other nor a guard shows to be finite, where that is known
         if isinstance(rhs, Program):
             telling = rhs.telling
@@ -92,7 +92,7 @@ class _Writer:
         self._advance()
         arrays = ", ".join(f"ptr noalias %{name}" for name in ("header", "x", "k", "held", "times"))
         head = f"define i64 @advance({arrays}, i64 %ntimes, ptr noalias %out, i64 %budget) nounwind {self.t.frame}"
-        lines = [*emit.prologue(self.t, *programs), "declare double @llvm.pow.f64(double, double)"]
+        lines = [*parts.prologue(self.t, *programs), "declare double @llvm.pow.f64(double, double)"]
         # Beside the intrinsics of the programs' own type: those of entries side by side, or of the time.
         for t in (Type(width) for width in (WIDTHS[:-1] if self.t.lanes == 1 else (1,))):
             names = [name for name in INTRINSICS if self.t.lanes == 1 or name != "fma"]

@@ -12,7 +12,7 @@ from ..trace.program import Program
 from .code import Code
 from .constants import Constants
 from .straight import Operands, Part
-from .trigonometry import Type
+from .types import Type
 
 OWN, UP, PARAM, KIND = range(len(FIXED_COLUMNS))
 STRAIGHT = 400  # instructions in one function between loops: they read and write memory all over, which costs LLVM more than linear time
@@ -21,7 +21,7 @@ TRUSTED = ("trusted",)  # the slot of 1, or of −1 where a check failed
 
 
 class LoopedPart:
-    """A program with loops as one function over slots: what `emit.Part` is for straight-line code."""
+    """A program with loops as one function over slots: what `straight.Part` is for straight-line code."""
 
     def __init__(self, program: Looped, t: Type, name: str) -> None:
         self.program, self.name, self._t = program, name, t

@@ -25,7 +25,7 @@ from .kernel import WORK, Kernel, load
 TYPE, DATA, ND, DIMS, DESCR, FLAGS = 8, 16, 24, 32, 56, 64
 PLAIN, WRITEABLE = 0x0001 | 0x0100, 0x0400  # C-contiguous, aligned
 SIZE, ITEMS = 16, 24  # in PyTupleObject
-DOUBLE = 12  # NPY_DOUBLE
+NPY_DOUBLE = 12
 SMALL = 50_000  # instructions times states up to which a batch is computed without letting other threads run
 
 # What the code needs of this process, in the order of its table.
@@ -232,7 +232,7 @@ def _result(code: "_Checks", out: str, width: int, shape: Shape, places: list[Pl
     code.add(f"store i64 {code.value(f'select i1 {flat}, i64 {width}, i64 {rows}')}, ptr %shape")
     code.add(f"store i64 {width}, ptr {code.value('getelementptr i64, ptr %shape, i64 1')}")
     with code.branch(code.value(f"icmp eq ptr {out}, null")) as merged:
-        arguments = f"ptr %ndarray, i32 {nd}, ptr %shape, i32 {DOUBLE}, ptr null, ptr null, i32 0, i32 0, ptr null"
+        arguments = f"ptr %ndarray, i32 {nd}, ptr %shape, i32 {NPY_DOUBLE}, ptr null, ptr null, i32 0, i32 0, ptr null"
         new = code.value(f"call ptr %array_new({arguments})")
         code.require(f"icmp ne ptr {new}, null", otherwise="error")
     return merged("ptr", new, out)
