@@ -260,6 +260,15 @@ class Memory:
         """The array from an entry on."""
         return Memory(self.code, self.t, self.at(i), self.kind)
 
+    @property
+    def first(self) -> Value:
+        """The value at the address itself."""
+        return self._like.named(self.code.get(self._like.type, self.base))
+
+    @first.setter
+    def first(self, x: Value | float) -> None:
+        self.code.set(self._like.type, self.base, self._like.like(x))
+
     def __getitem__(self, i: Name) -> Value:
         return self._like.named(self.code.get(self._like.type, self.at(i)))
 
