@@ -16,6 +16,7 @@ from tools import case
 
 import robodyn as rd
 from robodyn.dynamics.questions import ForwardDynamics
+from robodyn.engine.emit import call
 from robodyn.engine.run import builtin as fastcall, compile as compiler
 from robodyn.robot import REMEMBERED
 
@@ -142,7 +143,7 @@ def test_long_work_lets_other_threads_run():
 @pytest.mark.parametrize("optional", [0, 1])
 def test_the_module_is_what_llvm_accepts(optional):
     program = asked()[0].evaluator.kernel(ForwardDynamics("auto")).program
-    compiler.llvm().parse_assembly(fastcall.module(program, ("q", "v", "tau"), optional)).verify()
+    compiler.llvm().parse_assembly(call.module(program, ("q", "v", "tau"), optional, compiler.lanes(), 10**7)).verify()
 
 
 QUESTIONS = {

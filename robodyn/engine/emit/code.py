@@ -94,6 +94,8 @@ class Code:
 
     def block(self, name: str) -> None:
         """What follows is a block of this name."""
+        if self.lines and self.lines[-1] == f"{self._block}:":
+            self.lines.pop()  # the empty one behind `leave`
         self.lines.append(f"{name}:")
         self._block = name
 
