@@ -255,7 +255,7 @@ def child_ends_well(code):
 def test_a_fork_waits_for_another_threads_compiler():
     code = """
 small.reactions(small.neutral(), np.zeros(small.nv))
-from robodyn.engine import compile as compiler
+from robodyn.engine.run import compile as compiler
 compiling, whole = threading.Event(), compiler._optimised
 compiler._optimised = lambda ir: (compiling.set(), whole(ir))[1]
 thread.start()
@@ -334,7 +334,7 @@ def test_a_bad_row_is_found_whichever_thread_computes_it():
 
 @pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="asks Linux for one core")
 def test_threads_are_as_many_as_the_process_may_use():
-    code = "import os; os.sched_setaffinity(0, [min(os.sched_getaffinity(0))]); from robodyn.processes import cores; print(cores())"
+    code = "import os; os.sched_setaffinity(0, [min(os.sched_getaffinity(0))]); from robodyn.system.processes import cores; print(cores())"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == "1"
 
 

@@ -7,8 +7,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Protocol
 
-from .types import Type
-
 UNLIKELY = ", !prof !0"  # of a branch that is hardly ever taken: metadata that every module with programs has
 
 
@@ -59,36 +57,6 @@ class Code:
     def at(self, kind: str, base: str, index: Name) -> str:
         """The address of an entry of an array."""
         return self.value(f"getelementptr {kind}, ptr {base}, i64 {index}")
-
-    # --- floating point ---
-
-    def fma(self, t: Type, a: str, b: str, c: str) -> str:
-        """a·b + c, rounded once."""
-        F = t.float
-        return self.value(f"call {F} @llvm.fma.{t.name}({F} {a}, {F} {b}, {F} {c})")
-
-    def binary(self, op: str, kind: str, a: str, b: str) -> str:
-        """A binary instruction."""
-        return self.value(f"{op} {kind} {a}, {b}")
-
-    def call(self, kind: str, function: str, *arguments: str) -> str:
-        """A function of arguments of its own type."""
-        return self.value(f"call {kind} @{function}({', '.join(f'{kind} {a}' for a in arguments)})")
-
-    def splat(self, t: Type, x: str) -> str:
-        """A double in every lane."""
-        if t.lanes == 1:
-            return x
-        one = self.value(f"insertelement {t.float} undef, double {x}, i32 0")
-        return self.value(f"shufflevector {t.float} {one}, {t.float} undef, <{t.lanes} x i32> zeroinitializer")
-
-    def lanes(self, t: Type, x: str) -> Iterator[str]:
-        """The doubles of all lanes, the first lane's first."""
-        if t.lanes == 1:
-            yield x
-            return
-        for lane in range(t.lanes):
-            yield self.value(f"extractelement {t.float} {x}, i32 {lane}")
 
     # --- flow ---
 
