@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
+from ..engine.emit.stepper import Stepper
 from ..engine.emit.tableau import Tableau
 from . import dop853, rk4, rk45, semi_implicit_euler, stiff
 from .step import Step
@@ -13,7 +14,9 @@ class Integrator:
     """How a method is run."""
 
     steps: Callable[..., Iterator[Step]]  # in Python, on any right-hand side
-    tableau: Callable[[], Tableau] | None = None  # for the native step loop; None: Python makes the steps on a native right-hand side
+    tableau: Callable[[], Tableau | Stepper] | None = (
+        None  # for the native step loop; None: Python makes the steps on a native right-hand side
+    )
     adaptive: bool = True
     semi_implicit: bool = False
 

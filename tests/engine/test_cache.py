@@ -179,7 +179,7 @@ def test_a_killed_process_leaves_what_clear_knows(folder):
     """Killed between the write and the rename; the name of what it leaves is the one that is looked for."""
     folder.mkdir(mode=0o700)
     program = (
-        "import os, signal; from robodyn.engine import cache; "
+        "import os, signal; from robodyn.system import cache; "
         "os.replace = lambda *_: os.kill(os.getpid(), signal.SIGKILL); cache.put(cache.key('x'), bytes(500))"
     )
     assert subprocess.run([sys.executable, "-c", program], check=False).returncode == -signal.SIGKILL

@@ -16,6 +16,7 @@ from tools import case
 
 import robodyn as rd
 from robodyn.dynamics.questions import ForwardDynamics
+from robodyn.engine.emit import call
 from robodyn.engine.run import builtin as fastcall, compile as compiler
 from robodyn.robot import REMEMBERED
 
@@ -142,7 +143,7 @@ def test_long_work_lets_other_threads_run():
 @pytest.mark.parametrize("optional", [0, 1])
 def test_the_module_is_what_llvm_accepts(optional):
     program = asked()[0].evaluator.kernel(ForwardDynamics("auto")).program
-    compiler.llvm().parse_assembly(fastcall.module(program, ("q", "v", "tau"), optional)).verify()
+    compiler.llvm().parse_assembly(call.module(program, ("q", "v", "tau"), optional, compiler.lanes(), 10**7)).verify()
 
 
 QUESTIONS = {
@@ -254,7 +255,7 @@ def child_ends_well(code):
 def test_a_fork_waits_for_another_threads_compiler():
     code = """
 small.reactions(small.neutral(), np.zeros(small.nv))
-from robodyn.engine import compile as compiler
+from robodyn.engine.run import compile as compiler
 compiling, whole = threading.Event(), compiler._optimised
 compiler._optimised = lambda ir: (compiling.set(), whole(ir))[1]
 thread.start()
@@ -333,7 +334,7 @@ def test_a_bad_row_is_found_whichever_thread_computes_it():
 
 @pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="asks Linux for one core")
 def test_threads_are_as_many_as_the_process_may_use():
-    code = "import os; os.sched_setaffinity(0, [min(os.sched_getaffinity(0))]); from robodyn.processes import cores; print(cores())"
+    code = "import os; os.sched_setaffinity(0, [min(os.sched_getaffinity(0))]); from robodyn.system.processes import cores; print(cores())"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == "1"
 
 

@@ -15,7 +15,7 @@ import scipy.integrate
 from tools import case
 
 import robodyn as rd
-from robodyn.engine.emit import integrate
+from robodyn.engine.emit import integrate, vectors
 from robodyn.joints import Fixed, Prismatic, Revolute
 from robodyn.model import GROUND, Inertia, Joint, Link
 from robodyn.simulation import many, native
@@ -350,8 +350,8 @@ def test_no_trajectories_and_trajectories_that_cannot_start():
 def test_entries_side_by_side_have_the_bits_of_one_at_a_time(links, method, monkeypatch):
     """3, 13, 23 and 121 entries: runs of 8, 4, 2 and 1, written out and in loops, at steps and in between."""
     runs = []
-    for widths in (integrate.WIDTHS, (1,)):
-        monkeypatch.setattr(integrate, "WIDTHS", widths)
+    for widths in (vectors.WIDTHS, (1,)):
+        monkeypatch.setattr(vectors, "WIDTHS", widths)
         c = case(2, n=links, joint_types=("revolute",), floating_base=False)
         runs.append(rd.simulate(rd.Scene(c.robot), t_end=0.3, q0=c.q, v0=c.v, method=method, rtol=1e-9, fps=300))
     assert runs[0].stats["steps"] > 2

@@ -2,18 +2,17 @@
 
 from collections import defaultdict
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 from ..trace.graph import LEAVES
+from ..trace.layout import Looped
 from ..trace.program import Program
-from . import rows, straight as emit
+from . import parts, rows
 from .code import Code
 from .constants import Constants
-from .trigonometry import Type
-
-if TYPE_CHECKING:
-    from ..trace.layout import Looped
-    from .loops import LoopedPart
+from .loops import LoopedPart
+from .straight import Operands, Part
+from .types import Type
+from .value import ONE, Value, Variable, constant, fma, select
 
 NAME = "evaluate"  # of the part that `run` calls
 WRITTEN_OUT = 600  # inputs and outputs up to which the code that moves them is written out
@@ -26,95 +25,90 @@ SUMS = 4  # of what must be finite: a single one would be a chain as long as all
 Rows = dict[str, list[str]]  # the addresses of a block's rows, by the name of the input or output
 
 
-def module(program: "Program | Looped", lanes: int, scalar: str = "double") -> str:
+def module(program: Program | Looped, lanes: int, scalar: str = "double") -> str:
     """IR text with `i64 @run(ptr in…, i64 stride…, ptr out…, i64 count)`, for a count of 0, or of at least `lanes`.
 
     in: one pointer per input, to rows of scalars ("double" or "float"), `stride` of them apart (0: one row for all); out: rows without
     gaps. Returns the first row of the first block in which an input, output or guard is not finite or a guard not positive, or −1.
     """
     t, c = Type(lanes, scalar), Code()
-    part = emit.part(program, t, NAME)
+    part = parts.part(program, t, NAME)
     moved = sum(program.inputs.values()) + sum(map(len, program.outputs.values()))
-    if isinstance(part, emit.Part) and part.straight and moved <= WRITTEN_OUT:
+    if isinstance(part, Part) and part.straight and moved <= WRITTEN_OUT:
         constants = Constants(t, f"{NAME}.constants")
         _run(c, t, program, lambda *block: _straight(c, t, part.program, constants, *block))
         definitions = constants.definition()
     else:
-        slots, free = _slots(c, t, part.size, heap=not isinstance(part, emit.Part) or part.size > ON_STACK)
+        slots, free = _slots(c, t, part.size, heap=not isinstance(part, Part) or part.size > ON_STACK)
         _run(c, t, program, lambda *block: _through_slots(c, t, part, slots, *block), free)
         definitions = part.functions()
     arguments = [f"ptr noalias readonly %in{k}, i64 %stride{k}" for k in range(len(program.inputs))]
     arguments += [f"ptr noalias %out{k}" for k in range(len(program.outputs))]
     head = f"define i64 @run({', '.join(arguments)}, i64 %count) nounwind {t.frame}"
-    lines = [*emit.prologue(t, program), *rows.declarations(t), "declare ptr @malloc(i64)", "declare void @free(ptr)"]
+    lines = [*parts.prologue(t, program), *rows.declarations(t), "declare ptr @malloc(i64)", "declare void @free(ptr)"]
     lines += ["declare void @llvm.prefetch.p0(ptr, i32, i32, i32)"]
     return "\n".join([*lines, "declare i64 @llvm.smin.i64(i64, i64)", *definitions, *c.function(head)]) + "\n"
 
 
-class _Checks:
+class _Trust:
     """What a block must pass: numbers that are finite, guards that are positive as well."""
 
     def __init__(self, c: Code, t: Type) -> None:
-        self._c, self._t = c, t
-        self._sums = [c.variable(t.float, t.constant(0.0)) for _ in range(SUMS)]
-        self._good = c.variable(t.bool, t.splat("i1", "true"))
-        self._count = 0
+        self._sums = [Variable(constant(c, t, 0.0)) for _ in range(SUMS)]
+        self._good = Variable(constant(c, t, True, "bool"))
+        self._like, self._count = constant(c, t, 0.0), 0
 
-    def finite(self, x: str) -> None:
+    def finite(self, name: str) -> None:
         # x · 0 is 0 for a finite x, and NaN for every other: one sum tells of many.
-        c, F, total = self._c, self._t.float, self._sums[self._count % SUMS]
-        c.set(F, total, c.fma(self._t, x, self._t.constant(0.0), c.get(F, total)))
+        total = self._sums[self._count % SUMS]
+        total.value = fma(self._like.named(name), 0.0, total.value)
         self._count += 1
 
-    def positive(self, x: str) -> None:
-        c, t = self._c, self._t
-        self.finite(x)
-        c.set(t.bool, self._good, c.binary("and", t.bool, c.get(t.bool, self._good), c.value(f"fcmp ogt {t.float} {x}, {t.constant(0.0)}")))
+    def positive(self, name: str) -> None:
+        self.finite(name)
+        self._good.value = self._good.value & (self._like.named(name) > 0.0)
 
-    def passed(self) -> str:
+    def passed(self) -> Value:
         """i1: in all lanes."""
-        c, t = self._c, self._t
-        good = c.get(t.bool, self._good)
+        good = self._good.value
         for total in self._sums:
-            good = c.binary("and", t.bool, good, c.value(f"fcmp oeq {t.float} {c.get(t.float, total)}, {t.constant(0.0)}"))
-        return good if t.lanes == 1 else c.value(f"icmp eq i{t.lanes} {c.value(f'bitcast {t.bool} {good} to i{t.lanes}')}, -1")
+            good = good & total.value.equals(0.0)
+        return good.everywhere
 
 
-def _run(c: Code, t: Type, program: "Program | Looped", body: Callable[[Rows, Rows, _Checks], None], end: Callable[[], None] | None = None):
+def _run(c: Code, t: Type, program: Program | Looped, body: Callable[[Rows, Rows, _Trust], None], end: Callable[[], None] | None = None):
     """The loop; `body` writes the code of one block."""
-    L = t.lanes
-    last = c.binary("sub", "i64", "%count", str(L))
-    row, bad = c.variable("i64", "0"), c.variable("i64", "-1")
+    L, count = t.lanes, Value(c, ONE, "int", "%count")
+    last = count - L
+    row, bad = Variable(constant(c, ONE, 0, "int")), Variable(constant(c, ONE, -1, "int"))
 
-    def going() -> str:
-        left = c.value(f"icmp slt i64 {c.get('i64', row)}, %count")
-        return c.binary("and", "i1", left, c.value(f"icmp slt i64 {c.get('i64', bad)}, 0"))
-
-    with c.repeat(going):
+    with c.repeat(lambda: (row.value < count) & (bad.value < 0)):
         # The last block ends with the last row: it may compute rows of the one before again, and writes the same.
-        first = c.value(f"call i64 @llvm.smin.i64(i64 {c.get('i64', row)}, i64 {last})")
+        first = row.value.new(f"call i64 @llvm.smin.i64(i64 {row.value}, i64 {last})")
 
-        def addresses(base: str, stride: object) -> list[str]:
-            here = c.at(t.scalar, base, c.binary("mul", "i64", first, str(stride)))
-            return [here, *(c.at(t.scalar, here, c.binary("mul", "i64", str(stride), str(i))) for i in range(1, L))]
+        def addresses(base: str, stride: Value) -> list[str]:
+            here = c.at(t.scalar, base, first * stride)
+            return [here, *(c.at(t.scalar, here, stride * i) for i in range(1, L))]
 
-        ins = {name: addresses(f"%in{k}", f"%stride{k}") for k, name in enumerate(program.inputs)}
-        outs = {name: addresses(f"%out{k}", len(values)) for k, (name, values) in enumerate(program.outputs.items())}
-        checks = _Checks(c, t)
-        body(ins, outs, checks)
-        c.set("i64", bad, c.value(f"select i1 {checks.passed()}, i64 -1, i64 {c.get('i64', row)}"))
-        c.set("i64", row, c.binary("add", "i64", c.get("i64", row), str(L)))
+        strides = [Value(c, ONE, "int", f"%stride{k}") for k in range(len(program.inputs))]
+        ins = {name: addresses(f"%in{k}", stride) for k, (name, stride) in enumerate(zip(program.inputs, strides, strict=True))}
+        widths = [constant(c, ONE, len(values), "int") for values in program.outputs.values()]
+        outs = {name: addresses(f"%out{k}", width) for k, (name, width) in enumerate(zip(program.outputs, widths, strict=True))}
+        trust = _Trust(c, t)
+        body(ins, outs, trust)
+        bad.value = select(trust.passed(), -1, row.value)
+        row.value = row.value + L
     if end:
         end()
-    c.leave("i64", c.get("i64", bad))
+    c.leave("i64", bad.value)
 
 
 # --- in one piece: columns are gathered where they are first needed, and scattered as soon as a row's next lanes of them are there ---
 
 
-def _straight(c: Code, t: Type, program: Program, constants: Constants, ins: Rows, outs: Rows, checks: _Checks) -> None:
+def _straight(c: Code, t: Type, program: Program, constants: Constants, ins: Rows, outs: Rows, trust: _Trust) -> None:
     L, columns = t.lanes, {}
-    telling = program.telling
+    telling = program.telling  # values that are finite where the others, guards included, are: they need no test
     told = {tuple(operands) for op, *operands in map(program.instructions.__getitem__, telling) if op == "in"}
     fetch = _fetching(c, t, program, ins, outs)
 
@@ -125,7 +119,7 @@ def _straight(c: Code, t: Type, program: Program, constants: Constants, ins: Row
         for k, value in enumerate(values):
             columns[name, start + k] = value
             if (name, start + k) not in told:
-                checks.finite(value)
+                trust.finite(value)
 
     def load(j: int) -> str:
         _, name, k = program.instructions[j]
@@ -133,7 +127,7 @@ def _straight(c: Code, t: Type, program: Program, constants: Constants, ins: Row
             gather(name, k // L * L)
         return columns[name, k]
 
-    operand = emit.Operands(program, t, load, constants, c.lines)
+    operand = Operands(program, t, load, constants, c.lines)
 
     def scatter(name: str, start: int) -> None:
         group = program.outputs[name][start : start + L]
@@ -141,7 +135,7 @@ def _straight(c: Code, t: Type, program: Program, constants: Constants, ins: Row
         c.lines += rows.scattered(t, c.name()[1:], [c.at(t.scalar, pointer, start) for pointer in outs[name]], values)
         for i in dict.fromkeys(group):
             if i not in telling:
-                checks.finite(operand.number(i))
+                trust.finite(operand.number(i))
 
     groups = [(name, start) for name, values in program.outputs.items() for start in range(0, len(values), L)]
     missing = {(name, start): set(program.outputs[name][start : start + L]) for name, start in groups}
@@ -154,7 +148,7 @@ def _straight(c: Code, t: Type, program: Program, constants: Constants, ins: Row
     def done(i: int) -> None:
         fetch(i)
         if i in guards:
-            checks.positive(operand(i))
+            trust.positive(operand(i))
         for group in waiting.pop(i, ()):
             missing[group].discard(i)
             if not missing[group]:
@@ -205,23 +199,23 @@ def _slots(c: Code, t: Type, size: int, *, heap: bool) -> tuple[str, Callable[[]
     memory = c.value(f"call ptr @malloc(i64 {t.bytes * t.lanes * size + 64})")
     with c.when(c.value(f"icmp eq ptr {memory}, null")):
         c.leave("i64", "0")
-    address = c.binary("and", "i64", c.binary("add", "i64", c.value(f"ptrtoint ptr {memory} to i64"), "63"), "-64")
+    address = (Value(c, ONE, "int", c.value(f"ptrtoint ptr {memory} to i64")) + 63) & -64
     return c.value(f"inttoptr i64 {address} to ptr"), lambda: c.add(f"call void @free(ptr {memory})")
 
 
-def _through_slots(c: Code, t: Type, part: "emit.Part | LoopedPart", slots: str, ins: Rows, outs: Rows, checks: _Checks) -> None:
+def _through_slots(c: Code, t: Type, part: Part | LoopedPart, slots: str, ins: Rows, outs: Rows, trust: _Trust) -> None:
     F, L = t.float, t.lanes
 
     def groups(size: int, start: int, rows_of: list[str], body: Callable[[list[str], str, int], None]) -> None:
         """body(row pointers, slots pointer, width) for every group of at most L columns of a vector."""
         whole = size // L * L
-        j = c.variable("i64", "0")
+        j = Variable(constant(c, ONE, 0, "int"))
         if whole:
-            with c.repeat(lambda: c.value(f"icmp slt i64 {c.get('i64', j)}, {whole}")):
-                at = c.get("i64", j)
-                place = c.at(F, slots, c.binary("add", "i64", at, str(start)))
+            with c.repeat(lambda: j.value < whole):
+                at = j.value
+                place = c.at(F, slots, at + start)
                 body([c.at(t.scalar, pointer, at) for pointer in rows_of], place, L)
-                c.set("i64", j, c.binary("add", "i64", at, str(L)))
+                j.value = at + L
         if size > whole:
             body([c.at(t.scalar, pointer, whole) for pointer in rows_of], c.at(F, slots, start + whole), size - whole)
 
@@ -230,12 +224,12 @@ def _through_slots(c: Code, t: Type, part: "emit.Part | LoopedPart", slots: str,
         c.lines += lines
         for n, x in enumerate(values):
             c.set(F, c.at(F, place, n), x)
-            checks.finite(x)
+            trust.finite(x)
 
     def scatter(pointers: list[str], place: str, width: int) -> None:
         values = [c.get(F, c.at(F, place, n)) for n in range(width)]
         for x in values:
-            checks.finite(x)
+            trust.finite(x)
         c.lines += rows.scattered(t, c.name()[1:], pointers, values)
 
     for name, size in part.program.inputs.items():
@@ -243,7 +237,7 @@ def _through_slots(c: Code, t: Type, part: "emit.Part | LoopedPart", slots: str,
             groups(size, part.slots["in", name, 0], ins[name], gather)
     c.lines += part.calls(slots)
     for i in dict.fromkeys(part.guards):
-        checks.positive(c.get(F, c.at(F, slots, part.slots[i])))
+        trust.positive(c.get(F, c.at(F, slots, part.slots[i])))
     for name, values in part.program.outputs.items():
         if len(values):
             groups(len(values), part.slots["out", name, 0], outs[name], scatter)

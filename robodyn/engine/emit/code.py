@@ -1,11 +1,19 @@
-"""A small assembler for LLVM IR: variables, loops and branches for the code around a program."""
+"""The body of a function in LLVM IR: its lines, names for its values, variables, and the flow from block to block.
+
+What a line computes is written in `value`, as formulas. The thousands of instructions of a program are appended as text (see `straight`).
+"""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Protocol
 
-from .trigonometry import Type
+UNLIKELY = ", !prof !0"  # of a branch that is hardly ever taken: metadata that every module with programs has
 
-Condition = Callable[[], str]
+
+class Name(Protocol):
+    """A value, whose text is its name."""
+
+    def __str__(self) -> str: ...
 
 
 class Code:
@@ -14,7 +22,7 @@ class Code:
     def __init__(self) -> None:
         self.allocations: list[str] = []
         self.lines: list[str] = []
-        self._count = 0
+        self._count, self._block = 0, "0"  # LLVM's own name of the first block
 
     def name(self) -> str:
         """A fresh name."""
@@ -31,90 +39,84 @@ class Code:
         self.lines.append(f"  {name} = {text}")
         return name
 
-    def variable(self, kind: str, first: str) -> str:
-        """A variable of an LLVM type, set to its first value here."""
+    def variable(self, kind: str, first: Name) -> str:
+        """The address of a variable of an LLVM type, set to its first value here."""
         name = self.name()
         self.allocations.append(f"  {name} = alloca {kind}")
         self.set(kind, name, first)
         return name
 
-    def get(self, kind: str, variable: str) -> str:
-        """The value of a variable, or at an address."""
-        return self.value(f"load {kind}, ptr {variable}{_aligned(kind)}")
+    def get(self, kind: str, address: str) -> str:
+        """The value at an address."""
+        return self.value(f"load {kind}, ptr {address}{_aligned(kind)}")
 
-    def set(self, kind: str, variable: str, value: str) -> None:
-        """Give a variable, or an address, a value."""
-        self.add(f"store {kind} {value}, ptr {variable}{_aligned(kind)}")
+    def set(self, kind: str, address: str, value: Name) -> None:
+        """Put a value there."""
+        self.add(f"store {kind} {value}, ptr {address}{_aligned(kind)}")
 
-    def at(self, kind: str, base: str, index: str | int) -> str:
+    def at(self, kind: str, base: str, index: Name) -> str:
         """The address of an entry of an array."""
         return self.value(f"getelementptr {kind}, ptr {base}, i64 {index}")
 
-    # --- floating point ---
-
-    def fma(self, t: Type, a: str, b: str, c: str) -> str:
-        """a·b + c, rounded once."""
-        F = t.float
-        return self.value(f"call {F} @llvm.fma.{t.name}({F} {a}, {F} {b}, {F} {c})")
-
-    def binary(self, op: str, kind: str, a: str, b: str) -> str:
-        """A binary instruction."""
-        return self.value(f"{op} {kind} {a}, {b}")
-
-    def call(self, kind: str, function: str, *arguments: str) -> str:
-        """A function of arguments of its own type."""
-        return self.value(f"call {kind} @{function}({', '.join(f'{kind} {a}' for a in arguments)})")
-
-    def splat(self, t: Type, x: str) -> str:
-        """A double in every lane."""
-        if t.lanes == 1:
-            return x
-        one = self.value(f"insertelement {t.float} undef, double {x}, i32 0")
-        return self.value(f"shufflevector {t.float} {one}, {t.float} undef, <{t.lanes} x i32> zeroinitializer")
-
-    def lanes(self, t: Type, x: str) -> Iterator[str]:
-        """The doubles of all lanes, the first lane's first."""
-        if t.lanes == 1:
-            yield x
-            return
-        for lane in range(t.lanes):
-            yield self.value(f"extractelement {t.float} {x}, i32 {lane}")
-
     # --- flow ---
 
-    def label(self, name: str) -> None:
-        """Go on in a block of this name."""
-        self.lines += [f"  br label %{name}", f"{name}:"]
+    def block(self, name: str) -> None:
+        """What follows is a block of this name."""
+        if self.lines and self.lines[-1] == f"{self._block}:":
+            self.lines.pop()  # the empty one behind `leave`
+        self.lines.append(f"{name}:")
+        self._block = name
 
     @contextmanager
-    def when(self, condition: str) -> Iterator[None]:
+    def when(self, condition: Name) -> Iterator[None]:
         """What follows, only where the condition (i1) holds."""
-        yes, done = self.name()[1:], self.name()[1:]
-        self.lines += [f"  br i1 {condition}, label %{yes}, label %{done}", f"{yes}:"]
-        yield
-        self.label(done)
+        with self.branch(condition):
+            yield
 
     @contextmanager
-    def repeat(self, condition: Condition) -> Iterator[None]:
-        """What follows, as long as the condition holds, asked before each turn."""
-        top, body, done = (self.name()[1:] for _ in range(3))
-        self.label(top)
-        holds = condition()
-        self.lines += [f"  br i1 {holds}, label %{body}, label %{done}", f"{body}:"]
-        yield
-        self.lines += [f"  br label %{top}", f"{done}:"]
+    def branch(self, condition: Name, how: str = "") -> Iterator[Callable[[str, Name, Name], str]]:
+        """What follows, only where the condition holds; yields merged(type, value there, value elsewhere), for afterwards."""
+        before, inside, done = self._block, self._label(), self._label()
+        self.add(f"br i1 {condition}, label %{inside}, label %{done}{how}")
+        self.block(inside)
+        ends: list[str] = []
+        yield lambda kind, there, elsewhere: self.value(f"phi {kind} [{there}, %{ends[0]}], [{elsewhere}, %{before}]")
+        ends.append(self._block)
+        self.add(f"br label %{done}")
+        self.block(done)
 
-    def leave(self, kind: str, value: str) -> None:
+    @contextmanager
+    def repeat(self, condition: Callable[[], Name]) -> Iterator[None]:
+        """What follows, as long as the condition holds, asked before each turn."""
+        top, body, done = self._label(), self._label(), self._label()
+        self.add(f"br label %{top}")
+        self.block(top)
+        self.add(f"br i1 {condition()}, label %{body}, label %{done}")
+        self.block(body)
+        yield
+        self.add(f"br label %{top}")
+        self.block(done)
+
+    def require(self, condition: Name, otherwise: str) -> None:
+        """Go on where the condition holds; to the block of this name where not."""
+        further = self._label()
+        self.add(f"br i1 {condition}, label %{further}, label %{otherwise}")
+        self.block(further)
+
+    def leave(self, kind: str, value: Name = "") -> None:
         """Return from the function; what follows is another block."""
-        self.lines += [f"  ret {kind} {value}", f"{self.name()[1:]}:"]
+        self.add(f"ret {kind} {value}")
+        self.block(self._label())
 
     def function(self, head: str) -> Iterator[str]:
         """The whole function; its code must end in `leave`."""
         yield head + " {"
         yield from self.allocations
-        yield from self.lines
-        yield "  unreachable"
+        yield from self.lines[:-1]  # the block behind `leave` is empty
         yield "}"
+
+    def _label(self) -> str:
+        return self.name()[1:]
 
 
 def _aligned(kind: str) -> str:

@@ -3,13 +3,13 @@
 Left to itself LLVM puts every number into a vector register before the loop over blocks, and spills it: 64 bytes of the first-level
 cache for a number of 8, which it has not room for. From a table, most are operands in memory of the instructions that need them.
 
-It also puts instructions into an order of its own, in which more values wait for their use than in a program's. Where the address of the
-table gets a new name, instructions stay on their side: every few of them it does.
+It also puts instructions into an order of its own, in which more values wait for their use than in a program's. LLVM moves no reading of
+the table across a line that gives its address a new name, and so nothing that waits for such a number: every few instructions one does.
 """
 
 from collections.abc import Iterator
 
-from .trigonometry import Type
+from .types import Type
 
 WINDOW = 4  # instructions in which a number is read once, and which LLVM may put in another order
 

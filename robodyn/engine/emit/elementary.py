@@ -9,13 +9,13 @@ their last steps in two parts. Special cases are those of C99, annex F.
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from ...arithmetic.operations import OPERATIONS
 from .code import Code
-from .trigonometry import Type
+from .types import Type
+from .value import Value, fma, polynomial, select
 
 FUNCTIONS = {op.name: op.arity for op in OPERATIONS.values() if op.writer}  # name → arguments
 
@@ -43,7 +43,7 @@ class Format:
         return 1.5 * 2.0**self.mantissa
 
 
-DOUBLE = Format(
+FORMAT_DOUBLE = Format(
     52,
     (0.6931471805599453, 2.3190468138462996e-17),
     (0.693147180559663, 2.8235290563031577e-13),
@@ -72,7 +72,7 @@ DOUBLE = Format(
         0.14616585424888623,
     ),
 )
-SINGLE = Format(
+FORMAT_SINGLE = Format(
     23,
     (0.6931471824645996, -1.9046542121259336e-09),
     (0.693145751953125, 1.428606765330187e-06),
@@ -97,126 +97,7 @@ LOG_TAIL = (
 
 def format_of(t: Type) -> Format:
     """The format of a type's scalars."""
-    return DOUBLE if t.bits == 64 else SINGLE
-
-
-# --- a notation in which the functions read like their formulas -----------------------------------------------------------
-
-
-class Value:
-    """A value in a function being written: operators append instructions. kind: "float", "int" or "bool"."""
-
-    __slots__ = ("code", "kind", "name", "t")
-
-    def __init__(self, code: Code, t: Type, kind: str, name: str) -> None:
-        self.code, self.t, self.kind, self.name = code, t, kind, name
-
-    @property
-    def type(self) -> str:
-        """The LLVM type."""
-        return getattr(self.t, self.kind)
-
-    def new(self, text: str, kind: str = "") -> "Value":
-        """The value of an instruction."""
-        return Value(self.code, self.t, kind or self.kind, self.code.value(text))
-
-    def like(self, x: "Value | float") -> "Value":
-        """A constant of this kind."""
-        if isinstance(x, Value):
-            return x
-        text = {"float": self.t.constant, "int": self.t.integer, "bool": lambda b: self.t.splat("i1", str(int(b)))}[self.kind](x)  # type: ignore[operator]
-        return Value(self.code, self.t, self.kind, text)
-
-    def _binary(self, op: str, a: "Value | float", b: "Value | float", kind: str = "") -> "Value":
-        return self.new(f"{op} {self.type} {self.like(a).name}, {self.like(b).name}", kind)
-
-    def __add__(self, x: "Value | float") -> "Value":
-        return self._binary("fadd" if self.kind == "float" else "add", self, x)
-
-    def __radd__(self, x: float) -> "Value":
-        return self + x
-
-    def __sub__(self, x: "Value | float") -> "Value":
-        return self._binary("fsub" if self.kind == "float" else "sub", self, x)
-
-    def __rsub__(self, x: float) -> "Value":
-        return self.like(x) - self
-
-    def __mul__(self, x: "Value | float") -> "Value":
-        return self._binary("fmul", self, x)
-
-    def __rmul__(self, x: float) -> "Value":
-        return self * x
-
-    def __truediv__(self, x: "Value | float") -> "Value":
-        return self._binary("fdiv", self, x)
-
-    def __rtruediv__(self, x: float) -> "Value":
-        return self.like(x) / self
-
-    def __neg__(self) -> "Value":
-        return self.new(f"fneg {self.type} {self.name}")
-
-    def __and__(self, x: "Value | int") -> "Value":
-        return self._binary("and", self, x)
-
-    def __or__(self, x: "Value | int") -> "Value":
-        return self._binary("or", self, x)
-
-    def __invert__(self) -> "Value":
-        return self._binary("xor", self, 1 if self.kind == "bool" else -1)
-
-    def __lshift__(self, n: int) -> "Value":
-        return self._binary("shl", self, n)
-
-    def __rshift__(self, n: int) -> "Value":
-        return self._binary("ashr", self, n)
-
-    def compare(self, how: str, x: "Value | float") -> "Value":
-        """An ordered comparison "olt", "oeq", …: false for NaN."""
-        return self._binary(f"fcmp {how}", self, x, "bool")
-
-    def __lt__(self, x: "Value | float") -> "Value":
-        return self.compare("olt", x)
-
-    def __gt__(self, x: "Value | float") -> "Value":
-        return self.compare("ogt", x)
-
-    def intrinsic(self, name: str, *others: "Value | float") -> "Value":
-        """An intrinsic function of this value and others."""
-        values = ", ".join(f"{self.type} {self.like(x).name}" for x in (self, *others))
-        return self.new(f"call {self.type} @llvm.{name}.{self.t.name}({values})")
-
-    @property
-    def bits(self) -> "Value":
-        """The bits of a number, as an integer."""
-        return self.new(f"bitcast {self.type} {self.name} to {self.t.int}", "int")
-
-    @property
-    def number(self) -> "Value":
-        """The number that an integer holds the bits of."""
-        return self.new(f"bitcast {self.type} {self.name} to {self.t.float}", "float")
-
-
-def fma(a: Value, b: Value | float, c: Value | float) -> Value:
-    """a·b + c, rounded once."""
-    return a.intrinsic("fma", b, c)
-
-
-def select(condition: Value, a: Value | float, b: Value | float) -> Value:
-    """a where the condition holds, b elsewhere."""
-    known = a if isinstance(a, Value) else b
-    assert isinstance(known, Value)
-    a, b = known.like(a), known.like(b)
-    return known.new(f"select {condition.type} {condition.name}, {known.type} {a.name}, {known.type} {b.name}")
-
-
-def polynomial(x: Value, coefficients: tuple[float, ...]) -> Value:
-    """Σ c_i xⁱ by Horner's rule."""
-    value: Value = x.like(coefficients[-1])
-    for c in coefficients[-2::-1]:
-        value = fma(value, x, c)
-    return value
+    return FORMAT_DOUBLE if t.bits == 64 else FORMAT_SINGLE
 
 
 # --- the functions ------------------------------------------------------------------------------------------------------
@@ -273,7 +154,7 @@ def _log_specials(x: Value, y: Value) -> Value:
     """y, but for x = ∞ or NaN: x; for 0: −∞; for what is negative: NaN."""
     y = select(x < math.inf, y, x)
     y = select(x < 0.0, math.nan, y)
-    return select(x.compare("oeq", 0.0), -math.inf, y)
+    return select(x.equals(0.0), -math.inf, y)
 
 
 def log(t: Type, x: Value) -> Value:
@@ -291,7 +172,7 @@ def log(t: Type, x: Value) -> Value:
 def tanh(t: Type, x: Value) -> Value:
     """e/(e + 2) with e = e^(2|x|) − 1, both in two parts."""
     f = format_of(t)
-    a = x.intrinsic("fabs").intrinsic("minimum", f.tanh_end)
+    a = abs(x).intrinsic("minimum", f.tanh_end)
     k, r, t2 = _reduced(f, a + a)
     # e^r − 1 = u + v
     c = fma(r * r, polynomial(r, f.exp), t2)
@@ -314,8 +195,8 @@ def tanh(t: Type, x: Value) -> Value:
 
 def pow(t: Type, x: Value, y: Value) -> Value:
     """xʸ as e^(y log|x|), the logarithm and the product in two parts; special cases as in C99 (annex F.10.4.4)."""
-    f = DOUBLE
-    a = x.intrinsic("fabs")
+    f = FORMAT_DOUBLE
+    a = abs(x)
     k, m = _scaled(f, a)
     # s + s2 = (m − 1)/(m + 1)
     above, below = m - 1.0, m + 1.0
@@ -347,12 +228,12 @@ def pow(t: Type, x: Value, y: Value) -> Value:
     # y log|x|
     e = y * high
     e2 = fma(y, low, fma(y, high, -e))
-    e2 = select(e.intrinsic("fabs") < 1000.0, e2, 0.0)
+    e2 = select(abs(e) < 1000.0, e2, 0.0)
     size = _exp(f, e, e2)
-    size = select(a.compare("oeq", 1.0) | y.compare("oeq", 0.0), 1.0, size)
+    size = select(a.equals(1.0) | y.equals(0.0), 1.0, size)
     # Signs: an odd power keeps that of x; what is no whole number has no real power of a negative x.
     half = y * 0.5
-    whole = y.compare("oeq", y.intrinsic("rint"))
+    whole = y.equals(y.intrinsic("rint"))
     odd = whole & half.compare("one", half.intrinsic("rint"))
     result = select(odd, size.intrinsic("copysign", x), size)
     result = select((x < 0.0) & (x > -math.inf) & ~whole, math.nan, result)
@@ -365,16 +246,9 @@ WRITERS: dict[str, Callable[..., Value]] = {"exp": exp, "log": log, "tanh": tanh
 
 def definition(t: Type, name: str) -> Iterator[str]:
     """define @name.lanes(x, …)."""
-    wide = t.widened() if name == "pow" and t.bits == 32 else t
+    wide = t.widened() if name == "pow" else t
     code, names = Code(), [f"%a{i}" for i in range(FUNCTIONS[name])]
-    arguments: list[Any] = []
-    for a in names:
-        b = a if wide is t else code.value(f"fpext {t.float} {a} to {wide.float}")
-        arguments.append(Value(code, wide, "float", b))
-    result = WRITERS[name](wide, *arguments).name
-    if wide is not t:
-        result = code.value(f"fptrunc {wide.float} {result} to {t.float}")
-    yield f"define internal {t.float} @{name}.lanes({', '.join(f'{t.float} {a}' for a in names)}) noinline nounwind {{"
-    yield from code.lines
-    yield f"  ret {t.float} {result}"
-    yield "}"
+    arguments = [Value(code, t, "float", a) for a in names]
+    result = WRITERS[name](wide, *(x if wide is t else x.widened() for x in arguments)).rounded(t)
+    code.leave(t.float, result)
+    yield from code.function(f"define internal {t.float} @{name}.lanes({', '.join(f'{t.float} {a}' for a in names)}) noinline nounwind")

@@ -4,6 +4,7 @@ What differs from node to node (where its numbers lie, its parameters) comes fro
 compiled driver serves forests of any size. The workspace is on the heap: ten thousand nodes do not fit on a thread's stack.
 """
 
+import math
 from collections.abc import Iterator
 from typing import Any
 
@@ -12,7 +13,8 @@ from ..trace.program import Program
 from .code import Code
 from .constants import Constants
 from .straight import Operands, Part
-from .trigonometry import Type
+from .types import Type
+from .value import ONE, Memory, Variable, constant, select
 
 OWN, UP, PARAM, KIND = range(len(FIXED_COLUMNS))
 STRAIGHT = 400  # instructions in one function between loops: they read and write memory all over, which costs LLVM more than linear time
@@ -21,7 +23,7 @@ TRUSTED = ("trusted",)  # the slot of 1, or of −1 where a check failed
 
 
 class LoopedPart:
-    """A program with loops as one function over slots: what `emit.Part` is for straight-line code."""
+    """A program with loops as one function over slots: what `straight.Part` is for straight-line code."""
 
     def __init__(self, program: Looped, t: Type, name: str) -> None:
         self.program, self.name, self._t = program, name, t
@@ -120,46 +122,41 @@ class LoopedPart:
                 self._loop(c, f"{self.name}{n}", item)
 
         # Every checked value is positive, and not infinite.
-        good = c.variable(t.bool, t.splat("i1", "true"))
-        i = c.variable("i64", str(program.checks.start))
-        with c.repeat(lambda: c.value(f"icmp slt i64 {c.get('i64', i)}, {program.checks.stop}")):
-            x = c.get(t.float, c.at(t.float, "%slots", c.get("i64", i)))
-            fine = c.binary("and", t.bool, c.value(f"fcmp ogt {t.float} {x}, {t.constant(0.0)}"), self._finite(c, x))
-            c.set(t.bool, good, c.binary("and", t.bool, c.get(t.bool, good), fine))
-            c.set("i64", i, c.binary("add", "i64", c.get("i64", i), "1"))
-        answer = c.value(f"select {t.bool} {c.get(t.bool, good)}, {t.float} {t.constant(1.0)}, {t.float} {t.constant(-1.0)}")
-        c.set(t.float, c.at(t.float, "%slots", program.size), answer)
-        c.leave("void", "")
+        slots, good = Memory(c, t, "%slots"), Variable(constant(c, t, True, "bool"))
+        i = Variable(constant(c, ONE, program.checks.start, "int"))
+        with c.repeat(lambda: i.value < program.checks.stop):
+            x = slots[i.value]
+            fine = (x > 0.0) & (x < math.inf)
+            good.value = good.value & fine
+            i.value = i.value + 1
+        slots[program.size] = select(good.value, constant(c, t, 1.0), -1.0)
+        c.leave("void")
         yield from c.function(f"define internal void @{self.name}(ptr noalias %slots) noinline nounwind {t.frame}")
 
-    def _finite(self, c: Code, x: str) -> str:
-        return c.value(f"fcmp olt {self._t.float} {x}, {self._t.constant(float('inf'))}")
-
     def _fill(self, c: Code, item: Fill) -> None:
-        F = self._t.float
+        slots = Memory(c, self._t, "%slots")
         if len(item.values) <= 8 or any(item.values):
             for k, x in enumerate(item.values):
-                c.set(F, c.at(F, "%slots", item.start + k), self._t.constant(x))
+                slots[item.start + k] = x
             return
-        i = c.variable("i64", str(item.start))
-        with c.repeat(lambda: c.value(f"icmp slt i64 {c.get('i64', i)}, {item.start + len(item.values)}")):
-            c.set(F, c.at(F, "%slots", c.get("i64", i)), self._t.constant(0.0))
-            c.set("i64", i, c.binary("add", "i64", c.get("i64", i), "1"))
+        i = Variable(constant(c, ONE, item.start, "int"))
+        with c.repeat(lambda: i.value < item.start + len(item.values)):
+            slots[i.value] = 0.0
+            i.value = i.value + 1
 
     def _loop(self, c: Code, name: str, loop: Loop) -> None:
         """All nodes in order, each by its kind's step."""
         n, width = self.program.counts[loop.forest], len(FIXED_COLUMNS) + len(self.program.columns[loop.forest])
         table, parameters = (c.get("ptr", f"@{self.name}.{x}{loop.forest}") for x in ("rows", "parameters"))
-        i = c.variable("i64", str(n - 1 if loop.inward else 0))
-        with c.repeat(lambda: c.value(f"icmp {'sge' if loop.inward else 'slt'} i64 {c.get('i64', i)}, {0 if loop.inward else n}")):
-            row = c.at("i64", table, c.binary("mul", "i64", c.get("i64", i), str(width)))
-            called = [kind for kind, step in enumerate(loop.steps) if step or loop.clears]
-            kind = c.get("i64", c.at("i64", row, KIND)) if len(loop.steps) > 1 else ""
-            for k in called:
-                call = f"call void @{name}.{k}(ptr %slots, ptr {row}, ptr {parameters})"
-                if not kind:
+        rows, i = Memory(c, ONE, table, "int"), Variable(constant(c, ONE, n - 1 if loop.inward else 0, "int"))
+        with c.repeat(lambda: i.value >= 0 if loop.inward else i.value < n):
+            row = rows.behind(i.value * width)
+            kind = row[KIND] if len(loop.steps) > 1 else None
+            for k in (kind for kind, step in enumerate(loop.steps) if step or loop.clears):
+                call = f"call void @{name}.{k}(ptr %slots, ptr {row.base}, ptr {parameters})"
+                if kind is None:
                     c.add(call)
                     continue
-                with c.when(c.value(f"icmp eq i64 {kind}, {k}")):
+                with c.when(kind.equals(k)):
                     c.add(call)
-            c.set("i64", i, c.binary("add", "i64", c.get("i64", i), "-1" if loop.inward else "1"))
+            i.value = i.value + (-1 if loop.inward else 1)

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from .trigonometry import Type
+from .types import Type
 
 
 def declarations(t: Type) -> Iterator[str]:

@@ -1,26 +1,21 @@
 """LLVM IR of a program: the same instructions once for scalars and once for SIMD vectors, one state per lane.
 
-The text is written directly: a program is straight-line code, and building it through objects would take longer than LLVM does.
+The text is written directly, here and in `rows`, and not through `value`: a program is thousands of instructions of straight-line code, and
+an object for each would take longer than LLVM does.
 A block of states lives in `slots`, an array with one (vector of) number per value that crosses a border: inputs, outputs, and,
 where a program is cut into functions of a few thousand operations to keep LLVM's time linear, values that a later one needs.
 """
 
 from collections.abc import Callable, Iterator
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from typing import Any
 
 from ...arithmetic.operations import OPERATIONS
 from ..trace.graph import LEAVES, TRIGONOMETRIC
 from ..trace.program import Program
-from . import elementary, large_angles as payne_hanek
 from .constants import WINDOW, Constants
-from .trigonometry import LIBRARY, TOGETHER, Type, by_lane, declarations, sincos, sincos_together
-
-if TYPE_CHECKING:
-    from ..trace.layout import Looped
-    from .loops import LoopedPart
+from .trigonometry import TOGETHER
+from .types import Type
 
 WHOLE = 10000  # instructions up to which a program is one function: what crosses a border goes through memory
 PIECE = 2500  # instructions in one function beyond: LLVM's time grows faster than linearly, and it spills more than crosses
@@ -68,35 +63,6 @@ class Part:
     def calls(self, slots: str) -> list[str]:
         """The lines that evaluate the program on slots whose inputs are set."""
         return [f"  call void @{self.name}{k}(ptr {slots})" for k in range(len(self._pieces))]
-
-
-def prologue(t: Type, *programs: "Program | Looped") -> Iterator[str]:
-    """Declarations and functions that the programs call."""
-    used = {op for program in programs for code in program.programs for op, *_ in code.instructions}
-    yield from declarations(t)
-    yield from payne_hanek.reduction()
-    yield from sincos(t)
-    for n in range(1, TOGETHER + 1):
-        yield from sincos_together(t, n)
-    for name in sorted(used & LIBRARY.keys()):
-        yield from by_lane(t, name)
-    for name in sorted(used & elementary.FUNCTIONS.keys()):
-        yield from elementary.definition(t, name)
-    yield '!0 = !{!"branch_weights", i32 1, i32 100000}'
-
-
-def part(program: "Program | Looped", t: Type, name: str, *, inline: bool = True) -> "Part | LoopedPart":
-    """The functions of a program of either kind."""
-    if isinstance(program, Program):
-        return Part(program, t, name, inline=inline)
-    from .loops import LoopedPart
-
-    return LoopedPart(program, t, name)
-
-
-def tables(**programs: "Program | Looped | None") -> dict[str, np.ndarray]:
-    """What the code of programs reads beside its arguments, by the names that it has in a module with parts of these names."""
-    return {f"{name}.{key}": x for name, program in programs.items() if program for key, x in program.tables.items()}
 
 
 def _pieces(program: Program, size: int | None) -> list[range]:

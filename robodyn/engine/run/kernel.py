@@ -11,7 +11,7 @@ import numpy as np
 from ...arithmetic import Array
 from ...system import cache as disk
 from ...system.processes import cores, lock, together
-from ..emit import blocks, straight as emit
+from ..emit import blocks, parts
 from ..trace.layout import Looped
 from ..trace.program import Program
 from .compile import OPTIONS, Loaded, cpu, lanes, object_code, version
@@ -80,7 +80,7 @@ class Kernel:
         with self._lock:
             if width not in self._functions:
                 code = blocks.module(self.program, width, SCALARS[self.dtype])
-                self._functions[width] = self._function(load(code, emit.tables(**{blocks.NAME: self.program})))
+                self._functions[width] = self._function(load(code, parts.tables(**{blocks.NAME: self.program})))
                 for listener in self._listeners:
                     listener(width, self._functions[width])
         return self._functions[width]
