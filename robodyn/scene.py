@@ -101,13 +101,23 @@ class Scene(Asking):
         return self
 
     def reactions_of(
-        self, q, v, a, u, *, t: float | Array = 0.0, frame: str = "child", part: str = "constraint", joints: Iterable[str] | None = None
+        self,
+        q,
+        v,
+        a,
+        u,
+        *,
+        t: float | Array = 0.0,
+        z: Array | None = None,
+        frame: str = "child",
+        part: str = "constraint",
+        joints: Iterable[str] | None = None,
     ) -> Reactions:
-        """The same at known accelerations a (..., nv) and joints' own forces u (..., nu), as a `Trajectory` holds them."""
+        """The same at known accelerations a (..., nv), joints' own forces u (..., nu) and loads' states z, as a `Trajectory` holds them."""
         names, question = self.about(questions.KnownReactions, joints, frame=frame, part=part)
         if not np.isfinite(t).all():
             raise InputError(f"t={t} must be finite")
-        wrenches = self.evaluator.ask(question, t=t, q=q, v=v, a=a, u=u)["wrenches"]
+        wrenches = self.evaluator.ask(question, t=t, q=q, v=v, a=a, u=u, z=z)["wrenches"]
         return Reactions(names, wrenches, frame, part)
 
     @cached_property

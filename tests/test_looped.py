@@ -22,7 +22,7 @@ from robodyn.joints import JOINT_TYPES, Fixed
 from robodyn.loads import Load
 from robodyn.model import GROUND, Inertia, Joint, Link, Mimic
 from robodyn.report.timing import fresh
-from robodyn.simulation.methods import METHODS
+from robodyn.simulation import METHODS
 
 # Of c·κ·eps: trees of these sizes are up to some dozens of bodies deep, each a product of rotations and a shift.
 C = 50

@@ -80,7 +80,7 @@ def test_no_circles():
     for module in (
         "robodyn.loads",
         "robodyn.formalism.reactions",
-        "robodyn.simulation.records",
+        "robodyn.simulation.storage",
         "robodyn.cli",
         "robodyn.view",
         "robodyn.simulation",

@@ -7,7 +7,7 @@ from tools import EPS, SEEDS
 import robodyn as rd
 from robodyn.joints import JOINT_TYPES
 from robodyn.random import MIXED
-from robodyn.simulation.records import to_json
+from robodyn.simulation.storage import to_json
 
 ALL = pytest.mark.parametrize("seed", SEEDS)
 

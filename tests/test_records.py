@@ -12,7 +12,7 @@ import robodyn as rd
 from robodyn.joints import JOINT_TYPES
 from robodyn.loads import LOADS
 from robodyn.model import Box, Cylinder, Inertia, Limits, Mesh, Mimic, Sphere, Visual
-from robodyn.simulation.records import from_json, to_json
+from robodyn.simulation.storage import from_json, to_json
 
 ROBOTS = Path(__file__).parents[1] / "robots"
 

@@ -215,13 +215,13 @@ class Energies(Question):
     """Kinetic energy and potential energy (...) [J]."""
 
     needs = ("q", "v")
-    loaded = ()
+    loaded = ("potential",)
 
     def shapes(self, robot: Mechanism, nz: int = 0) -> Shapes:
         return {"kinetic": (), "potential": ()}
 
-    def answer(self, views: Views, t: Array | float, q: Array, v: Array) -> Answer:  # type: ignore[override]
-        state = views.lumped.state(t, q, v)
+    def answer(self, views: Views, t: Array | float, q: Array, v: Array, z: Array = NOTHING) -> Answer:  # type: ignore[override]
+        state = views.lumped.state(t, q, v, z)
         return Answer({"kinetic": energy.kinetic(state), "potential": views.lumped.potential(state)})
 
 

@@ -36,5 +36,6 @@ class StateVector(NamedTuple):
     def join(self, q: Array, v: Array, z: Array, work: Array | float) -> Array:
         """x (..., size) of its parts; leading dimensions broadcast."""
         parts = [np.asarray(q), np.asarray(v), np.asarray(z), np.asarray(work)[..., None]]
-        batch = np.broadcast_shapes(*(part.shape[:-1] for part in parts))
-        return np.concatenate([np.broadcast_to(part, (*batch, part.shape[-1])) for part in parts], axis=-1)
+        if len(batches := {part.shape[:-1] for part in parts}) > 1:
+            parts = [np.broadcast_to(part, (*np.broadcast_shapes(*batches), part.shape[-1])) for part in parts]
+        return np.concatenate(parts, axis=-1)

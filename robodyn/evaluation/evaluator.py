@@ -88,6 +88,10 @@ class Evaluator:
         """Where the parts of x stand."""
         return StateVector(self.robot.nq, self.robot.nv, len(self.initial_state))
 
+    def start(self, q: Array, v: Array) -> Array:
+        """x (..., size) where a motion starts: at q (..., nq) with its Euler parameters at unit length and v (..., nv), no work done yet."""
+        return self.state_vector.join(self.views().lumped.project(q), v, self.initial_state, 0.0)
+
     # --- asking ---
 
     def ask(
@@ -107,9 +111,11 @@ class Evaluator:
         out: where the one array of the answer goes; of the dtype, C-contiguous, of its shape, apart from the given arrays.
         InputError for an argument that cannot be; ModelError where there is no answer to be trusted.
         """
-        if self.state_vector.nz and question.loaded:
-            arrays["z"] = self.initial_state if arrays.get("z") is None else arrays["z"]
-        elif backend == "native" and dtype is np.float64 and type(t) is float and t == 0.0:
+        if not (self.state_vector.nz and question.loaded):
+            arrays.pop("z", None)
+        elif arrays.get("z") is None:
+            arrays["z"] = self.initial_state
+        if "z" not in arrays and backend == "native" and dtype is np.float64 and type(t) is float and t == 0.0:
             quick = self._shortcuts.answer(question, self._kernels.get((question, DOUBLE)), threads, out, arrays)
             if quick is not None:
                 return quick

@@ -15,6 +15,7 @@ ANSWERS = {
     "joint_forces": joint_forces,
     "link_wrenches": link_wrenches,
     "state_rate": lambda load, state: {0: state_rates(load, state)},
+    "potential": lambda load, state: {0: load.potential(state)},
 }
 
 

@@ -12,7 +12,8 @@ import numpy as np
 from ..arithmetic import Array
 from ..checks import inputs
 from ..dynamics.equations import FORMALISMS, SADDLES
-from ..dynamics.questions import Evolution, Result
+from ..dynamics.questions import Evolution
+from ..dynamics.state_vector import Parts
 from ..engine.run.compile import lanes
 from ..errors import InputError, ModelError, SimulationError
 from ..evaluation.evaluator import DEFAULT
@@ -20,20 +21,26 @@ from ..model import Mechanism
 from ..scene import Scene
 from ..system.processes import cores, together
 from . import native
-from .methods import METHODS
-from .run import MOST_FRAMES, output_times, simulate
-from .step import refuse_empty, step_count, step_times
+from .integrators import METHODS
+from .quantities import QUANTITIES, described
+from .single import simulate
+from .times import MOST_RESULTS, output_times, refuse_empty, step_count, step_times
 from .trajectory import Trajectory
 
 
 @dataclass(frozen=True, eq=False)
 class Trajectories:
-    """N trajectories at the same times: t (T,) [s], q (N, T, nq), v (N, T, nv), work of the loads (N, T) [J]. `[i]` is a Trajectory."""
+    __doc__ = f"""N trajectories of one scene at the same times; `[i]` is a `Trajectory`, `len` is N.
+
+    {described((QUANTITIES[name] for name in ("t", "q", "v", "z", "work")), "N")}
+    stats: method, formalism, dt [s], wall_time [s], completed.
+    """
 
     scene: Scene
     t: Array
     q: Array
     v: Array
+    z: Array
     work: Array
     stats: dict[str, Any] = field(default_factory=dict)
 
@@ -41,8 +48,8 @@ class Trajectories:
         return len(self.q)
 
     def __getitem__(self, i: int) -> Trajectory:
-        got = self.scene.evaluator.ask(Result(self.stats["formalism"]), t=self.t, q=self.q[i], v=self.v[i], tau=None)
-        return Trajectory(self.scene, self.t, self.q[i], self.v[i], got["vdot"], got["u"], self.work[i], self.stats)
+        states = Parts(self.q[i], self.v[i], self.z[i], self.work[i])
+        return Trajectory.of(self.scene, self.t, states, None, self.stats["formalism"], DEFAULT, self.stats)
 
 
 def simulate_many(
@@ -73,7 +80,7 @@ def simulate_many(
             "[rd.simulate(rd.Scene(robot, loads=[rd.Sampled(new_law(), dt)]), q0=q, t_end=…) for q in q0]; "
             "or write it as a rd.ControlLaw"
         )
-    names = [name for name, integrator in METHODS.items() if integrator.tableau and not integrator.adaptive]
+    names = [name for name, integrator in METHODS.items() if integrator.native and not integrator.adaptive]
     method = inputs.method(method, names)
     inputs.choice("formalism", formalism, [f for f in FORMALISMS if f not in SADDLES])
     t0, t_end, dt = (inputs.number(k, x) for k, x in (("t0", t0), ("t_end", t_end), ("dt", dt)))
@@ -82,7 +89,7 @@ def simulate_many(
         raise InputError(f"dt={dt:g} must be positive")
     wanted = output_times(t0, t_end, fps, times)
     if wanted is None:
-        if not (n := step_count(t0, t_end, dt)) < MOST_FRAMES:
+        if not (n := step_count(t0, t_end, dt)) < MOST_RESULTS:
             raise InputError(f"{n:.3g} steps are too many to keep: give fps or the times you need, such as times=[t_end]")
         wanted = step_times(t0, t_end, dt)
 
@@ -95,9 +102,9 @@ def simulate_many(
     alone = partial(_alone, scene, q, v, times=wanted, t0=t0, t_end=t_end, method=method, dt=dt, formalism=formalism)
     if DEFAULT != "native" or not scene.evaluator.routes.compiles_steps(formalism):
         started = time.perf_counter()
-        found = np.array([alone(row) for row in range(len(q))]).reshape(len(q), len(wanted), q.shape[1] + v.shape[1] + 1)
+        found = np.array([alone(row) for row in range(len(q))]).reshape(len(q), len(wanted), scene.evaluator.state_vector.size)
         return _trajectories(scene, wanted, found, method, formalism, dt, started)
-    x0 = np.hstack([scene.equations().project(q), v, np.zeros((len(q), 1))])
+    x0 = scene.evaluator.start(q, v)
 
     scene.evaluator.unchanged.confirm()
 
@@ -122,9 +129,8 @@ def simulate_many(
 
 
 def _trajectories(scene: Scene, t: Array, x: Array, method: str, formalism: str, dt: float, started: float) -> Trajectories:
-    nq, nv = scene.robot.nq, scene.robot.nv
     stats = {"method": method, "formalism": formalism, "dt": dt, "wall_time": time.perf_counter() - started, "completed": True}
-    return Trajectories(scene, t, x[..., :nq], x[..., nq : nq + nv], x[..., nq + nv], stats)
+    return Trajectories(scene, t, *scene.evaluator.state_vector.split(x), stats)
 
 
 def _alone(scene: Scene, q: Array, v: Array, row: int, **options: Any) -> Array:
@@ -135,4 +141,4 @@ def _alone(scene: Scene, q: Array, v: Array, row: int, **options: Any) -> Array:
         raise SimulationError(f"trajectory {row}: {error}; look at q0[{row}] with `simulate`") from error
     if not run.completed:  # `simulate` takes Ctrl-C for the wish to see what there is
         raise KeyboardInterrupt
-    return np.hstack([run.q, run.v, run.work[:, None]])
+    return scene.evaluator.state_vector.join(run.q, run.v, run.z, run.work)

@@ -15,8 +15,8 @@ from ..engine.emit import integrate
 from ..engine.run.kernel import load
 from ..evaluation.evaluator import Evaluator
 from ..system.processes import lock
-from .methods import METHODS
-from .step import step_count
+from .integrators import METHODS
+from .times import step_count
 
 _PLACE = {name: i for i, name in enumerate(integrate.HEADER)}
 _compiling = lock()  # LLVM works for one thread at a time anyway
@@ -41,7 +41,6 @@ class Advance:
 def compiled(evaluator: Evaluator, method: str, formalism: str, lanes: int, *, held: bool = False) -> Advance:
     """The integrator of a scene, under held joint forces or not; compiled when first asked for, then from the cache on disk."""
     integrator, key = METHODS[method], (method, formalism, lanes, held)
-    assert integrator.tableau is not None
     if key in evaluator.integrators.compiled:
         return evaluator.integrators.compiled[key]
     with _compiling:

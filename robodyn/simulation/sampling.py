@@ -8,7 +8,7 @@ import numpy as np
 from ..arithmetic import Array
 from ..errors import InputError, SimulationError
 from ..scene import Scene
-from .step import resolution
+from .times import resolution
 
 
 class Sampling:

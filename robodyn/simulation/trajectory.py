@@ -12,28 +12,29 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ..arithmetic import Array
-from ..dynamics.questions import Energies
+from ..dynamics.questions import Energies, Result
+from ..dynamics.state_vector import Parts
 from ..errors import FileError, InputError, MissingPackageError, RobodynWarning
 from ..formalism.reactions import Reactions
 from ..loads import ControlLaw, Sampled
 from ..scene import Scene
 from ..system.files import atomic_write, make_folder, writable
+from .quantities import QUANTITIES, described, recorded
+from .storage import from_json, to_json
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FORMAT = 1  # of the npz file
-ARRAYS = ("t", "q", "v", "a", "u", "work")
-COMPONENTS = (("Mx", "N m"), ("My", "N m"), ("Mz", "N m"), ("Fx", "N"), ("Fy", "N"), ("Fz", "N"))
 
 
 class Energy(NamedTuple):
-    """Energies (T,) [J] over time. `balance` would be constant if the integration were exact."""
+    """Energies (T,) [J] over time, against the ground. `balance` would be constant if the integration were exact."""
 
-    kinetic: Array
-    potential: Array  # gravity and springs
-    work: Array  # what all other loads have put in since the start; damping takes out, so it is negative
-    balance: Array  # kinetic + potential − work
+    kinetic: Array  # (T,) [J]
+    potential: Array  # (T,) [J]: gravity and springs
+    work: Array  # (T,) [J]: what all other loads have put in since the start; damping takes out, so it is negative
+    balance: Array  # (T,) [J]: kinetic + potential − work
 
     @property
     def drift(self) -> float:
@@ -43,16 +44,33 @@ class Energy(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """States of a scene: t (T,) [s], q (T, nq), v (T, nv), a (T, nv), joint forces u (T, nu), work of the loads (T,) [J]."""
+    __doc__ = f"""The motion of a scene at a sequence of times.
+
+    {described(recorded())}
+    stats: method, formalism, backend, rtol and atol or dt [s], steps, rejected, evaluations, wall_time [s], completed.
+    """
 
     scene: Scene
     t: Array
     q: Array
     v: Array
+    z: Array
     a: Array
     u: Array
     work: Array
-    stats: dict[str, Any] = field(default_factory=dict)  # method, tolerances, steps, evaluations, wall_time [s], completed
+    stats: dict[str, Any] = field(default_factory=dict)
+
+    @classmethod
+    def of(
+        cls, scene: Scene, t: Array, states: Parts, tau: Array | None, formalism: str, backend: str, stats: dict[str, Any]
+    ) -> "Trajectory":
+        """That of states (T, …) at times t (T,) [s]; what else it holds is evaluated there, under held joint forces tau (T, nv) if any.
+
+        ModelError where a state determines no acceleration.
+        """
+        now = {"q": states.q, "v": states.v, "tau": tau, "z": states.z}
+        result = scene.evaluator.ask(Result(formalism), backend, t=t, **now)
+        return cls(scene=scene, stats=stats, **{x.name: x.found(t, states, result) for x in recorded()})
 
     @property
     def completed(self) -> bool:
@@ -60,16 +78,20 @@ class Trajectory:
         return bool(self.stats.get("completed", True))
 
     def reactions(self, *, frame: str = "child", part: str = "constraint", joints: Iterable[str] | None = None) -> Reactions:
-        """The wrench (T, 6) of every joint over time; see `Scene.reactions` for frames and parts."""
-        return self.scene.reactions_of(self.q, self.v, self.a, self.u, t=self.t, frame=frame, part=part, joints=joints)
+        """The wrench (T, 6) [N m, N] of every joint over time; see `Scene.reactions` for frames and parts.
+
+        InputError where frame or part is none of them; ModelError where there is no joint of a name.
+        """
+        options = {"frame": frame, "part": part, "joints": joints, "z": self.z}
+        return self.scene.reactions_of(self.q, self.v, self.a, self.u, t=self.t, **options)
 
     def energy(self) -> Energy:
         """Kinetic and potential energy, the work of the loads, and their balance."""
-        got = self.scene.evaluator.ask(Energies(), t=self.t, q=self.q, v=self.v)
+        got = self.scene.evaluator.ask(Energies(), t=self.t, q=self.q, v=self.v, z=self.z)
         return Energy(got["kinetic"], got["potential"], self.work, got["kinetic"] + got["potential"] - self.work)
 
     def link_poses(self) -> Array:
-        """The pose (T, nlinks, 4, 4) of every link in the ground's frame."""
+        """The pose (T, nlinks, 4, 4) [1, m] of every link in the ground's frame."""
         return self.scene.link_poses(self.q)
 
     # --- files ---
@@ -78,9 +100,8 @@ class Trajectory:
         """Write everything to an .npz file: the states and the scene they belong to.
 
         A ControlLaw or Sampled is a function and cannot be stored: a warning says so, and its recorded forces are kept.
+        FileError where the file cannot be written, or a load is none of robodyn's own.
         """
-        from .records import to_json
-
         writable(path)
         kept = tuple(load for load in self.scene.loads if not isinstance(load, (ControlLaw, Sampled)))
         for name in sorted({type(load).__name__ for load in self.scene.loads if load not in kept}):
@@ -90,20 +111,18 @@ class Trajectory:
             scene, stats = to_json(replace(self.scene, loads=kept)), json.dumps(self.stats)
         except TypeError as error:
             raise FileError(f"cannot write {str(path)!r}: {error}") from error
-        arrays: dict[str, Any] = {name: getattr(self, name) for name in ARRAYS}
+        arrays: dict[str, Any] = {x.name: x.of(self) for x in recorded() if x.numbers(self.scene) or not x.optional}
         np.savez_compressed(buffer, format=FORMAT, scene=scene, stats=stats, **arrays)
         atomic_write(path, buffer.getvalue())
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> "Trajectory":
         """Read what `save` wrote. FileError where the file is missing, damaged or not a trajectory."""
-        from .records import from_json
-
         try:
             with np.load(path, allow_pickle=False) as file:
                 if int(file["format"]) > FORMAT:
                     raise FileError(f"{os.fspath(path)!r} was written by a newer robodyn (format {int(file['format'])}): update robodyn")
-                arrays = {name: file[name] for name in ARRAYS}
+                arrays = {x.name: file[x.name] for x in recorded() if x.name in file or not x.optional}
                 scene, stats = from_json(str(file["scene"])), json.loads(str(file["stats"]))
                 if not isinstance(scene, Scene) or not isinstance(stats, dict):
                     raise FileError("it holds no scene")
@@ -111,29 +130,23 @@ class Trajectory:
             raise FileError(f"there is no file {os.fspath(path)!r}") from None
         except Exception as error:  # whatever NumPy's reader trips over in a file that is damaged or made to harm
             raise FileError(f"{os.fspath(path)!r} is not a trajectory of robodyn, or is damaged: {error}") from error
-        n, robot = arrays["t"].size, scene.robot
-        sizes = {"t": (n,), "q": (n, robot.nq), "v": (n, robot.nv), "a": (n, robot.nv), "u": (n, robot.nu), "work": (n,)}
-        wrong = [
-            name
-            for name, shape in sizes.items()
-            if arrays[name].shape != shape or arrays[name].dtype != float or not np.isfinite(arrays[name]).all()
-        ]
+        n = arrays["t"].size
+        arrays = {x.name: np.zeros((n, *x.shape_in(scene))) for x in recorded() if x.optional and not x.numbers(scene)} | arrays
+        wrong = [x.name for x in recorded() if x.name not in arrays or not x.fits(arrays[x.name], n, scene)]
         if wrong:
             raise FileError(f"{os.fspath(path)!r} is damaged: {', '.join(wrong)} are not the numbers that its robot needs")
         return cls(scene=scene, stats=stats, **arrays)
 
     def to_csv(self, folder: str | os.PathLike[str]) -> None:
-        """Write states.csv, reactions.csv and energy.csv: named columns with units, every digit of the numbers."""
+        """Write states.csv, reactions.csv and energy.csv: named columns with units, every digit of the numbers.
+
+        FileError where they cannot be written.
+        """
         folder = make_folder(folder)
-        q_names, v_names = self.scene.robot.coordinate_names()
-        rates = {"rad": "rad/s²", "m": "m/s²"}
-        a_names = [(name, rates[unit.removesuffix("/s")]) for name, unit in v_names]
-        columns = [(f"{s}.{name}", unit) for s, table in (("q", q_names), ("v", v_names), ("a", a_names)) for name, unit in table]
-        self._csv(folder / "states.csv", columns, np.hstack([self.q, self.v, self.a]))
-        r, energy = self.reactions(), self.energy()
-        columns = [(f"{joint}.{c}", unit) for joint in r.joint_names for c, unit in COMPONENTS]
-        self._csv(folder / "reactions.csv", columns, r.array.reshape(len(self.t), -1))
-        self._csv(folder / "energy.csv", [(name, "J") for name in Energy._fields], np.stack(energy, axis=-1))
+        for table in dict.fromkeys(x.csv for x in QUANTITIES.values() if x.csv):
+            shown = [x for x in QUANTITIES.values() if x.csv == table]
+            columns = [label for x in shown for label in x.labels(self.scene)]
+            self._csv(folder / f"{table}.csv", columns, np.hstack([x.rows(self) for x in shown]))
 
     def _csv(self, path: Path, columns: list[tuple[str, str]], rows: Array) -> None:
         import csv
@@ -146,13 +159,19 @@ class Trajectory:
         atomic_write(path, text.getvalue())
 
     def to_html(self, path: str | os.PathLike[str], **options: Any) -> None:
-        """Write a page that shows the motion in any browser, with no server and no network; options of `view.write_html`."""
+        """Write a page that shows the motion in any browser, with no server and no network; options of `view.write_html`.
+
+        FileError where it cannot be written.
+        """
         from ..view import write_html
 
         write_html(path, self.scene.robot, times=self.t, poses=self.link_poses(), **options)
 
     def plot(self, joints: Iterable[str] | None = None) -> "Figure":
-        """A Matplotlib figure: positions, velocities, and the reaction's force and moment of the named joints (all moving ones)."""
+        """A Matplotlib figure: positions, velocities, and the reaction's force and moment of the named joints (all moving ones).
+
+        MissingPackageError without Matplotlib, ModelError where there is no joint of a name, InputError where none is named.
+        """
         try:
             from matplotlib.figure import Figure
         except ImportError as error:

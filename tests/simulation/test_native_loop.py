@@ -134,7 +134,7 @@ def test_without_frames_every_step_is_kept_whoever_simulates(moving, method, t0,
 def test_ends_of_steps_are_rounded_once():
     from fractions import Fraction
 
-    from robodyn.simulation.step import step_count, step_times
+    from robodyn.simulation.times import step_count, step_times
 
     for t0, t_end, dt in ((0.1, 7.3, 0.01), (-1e9, -1e9 + 1.0, 1e-2), (1e-300, 1.0, 0.1)):
         n = step_count(t0, t_end, dt)
@@ -483,7 +483,7 @@ def test_a_step_at_time_zero_shrinks_no_further_than_the_span_resolves(method):
 
 def test_what_stopped_native_code_is_looked_for_in_few_steps(monkeypatch):
     """Velocities of 1e80 give steps of which Python would make millions until t_end."""
-    from robodyn.simulation import run
+    from robodyn.simulation import integration as run
 
     asked, steps = [], run.Integration.steps
 
@@ -501,7 +501,7 @@ def test_what_stopped_native_code_is_looked_for_in_few_steps(monkeypatch):
 
 @pytest.mark.parametrize(("soon", "warned"), [((0.0, 0.0), True), ((1e9, 0.0), False), ((0.0, 1e9), False)])
 def test_who_will_wait_for_hours_hears_of_it_once(moving, monkeypatch, soon, warned):
-    from robodyn.simulation import run
+    from robodyn.simulation import progress as run
 
     monkeypatch.setattr(run, "SOON", soon)
     scene, q, v = moving

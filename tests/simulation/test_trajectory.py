@@ -23,7 +23,7 @@ import robodyn as rd
 from robodyn.joints import Fixed, Prismatic, Revolute
 from robodyn.model import GROUND, Inertia, Joint, Link, Mesh
 from robodyn.simulation import native
-from robodyn.simulation.records import to_json
+from robodyn.simulation.storage import to_json
 
 ROBOTS = Path(__file__).parents[2] / "robots"
 X, Y, Z = np.eye(3)

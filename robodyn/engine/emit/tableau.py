@@ -15,14 +15,20 @@ class Tableau:
     """
 
     a: Array  # (s, s), strictly lower
-    b: Array  # (s,)
+    weights: Array  # (s,): b times the divisor
     c: Array  # (s,)
     order: int = 4  # of the error estimate, for the step size
     errors: tuple[Array, ...] = ()  # weights (s + 1,) of the error: none for equal steps, one, or DOP853's pair (order 5, order 3)
     extra_a: Array | None = None  # further stages (m, s + 1 + m) for dense output
     extra_c: Array | None = None
+    divisor: float = 1.0  # common to the weights
     dense: Array | None = None  # weights of the derivatives (…, s + 1 + m) in the terms of dense output beyond cubic Hermite
 
     def __post_init__(self) -> None:
         if not self.errors and (np.tril(self.a, -2).any() or self.extra_a is not None):
             raise ValueError("a method without error estimate must be a chain: each stage from the derivative before it alone")
+
+    @property
+    def b(self) -> Array:
+        """The weights b_i (s,) of the new state."""
+        return self.weights / self.divisor
