@@ -89,7 +89,7 @@ class Evaluator:
         return StateVector(self.robot.nq, self.robot.nv, len(self.initial_state))
 
     def start(self, q: Array, v: Array) -> Array:
-        """x (..., size) where a motion starts: at q (..., nq) with its Euler parameters at unit length and v (..., nv), no work done yet."""
+        """x (..., size) where a motion starts: at q (..., nq), its Euler parameters brought to unit length, and v (..., nv)."""
         return self.state_vector.join(self.views().lumped.project(q), v, self.initial_state, 0.0)
 
     # --- asking ---

@@ -76,8 +76,7 @@ def simulate(
     integration = InNativeCode(*problem) if in_native_code else InPython(*problem, backend)
     with reporter(progress, "compiling" if in_native_code else "simulating") as show:
         if not integration.starts():  # NumPy's formalism says why, if it does not
-            now = {"q": state["q0"], "v": state["v0"]}
-            scene.evaluator.ask(Result(formalism), "numpy", t=t0, **now, tau=None)
+            scene.evaluator.ask(Result(formalism), "numpy", t=t0, q=state["q0"], v=state["v0"], tau=None)
         started, failure, report = time.perf_counter(), None, patient(show, t0, t_end)
         try:
             integration.run(report)

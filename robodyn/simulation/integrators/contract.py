@@ -10,6 +10,7 @@ from enum import Enum
 from typing import Any
 
 from ...arithmetic import Array
+from ...engine.emit.stepper import Stepper
 from ...engine.emit.tableau import Tableau
 from ...errors import SimulationError
 
@@ -70,10 +71,10 @@ class Integrator(ABC):
 
     adaptive = True  # its error control chooses the steps; else they are equal, of at most dt
     semi_implicit = False  # β̇ is to belong to the velocity after the step: its right-hand side knows the step
-    native = False  # native code makes the steps, from the `tableau`; else Python does, on a right-hand side of either backend
+    native = False  # native code makes the steps, by the `tableau`; else Python does, on a right-hand side of either backend
 
-    def tableau(self) -> Tableau:
-        """The coefficients, of a method that is `native`."""
+    def tableau(self) -> Tableau | Stepper:
+        """How native code makes the steps, of a method that is `native`: its coefficients, or a class of its own that writes them."""
         raise NotImplementedError
 
     @abstractmethod
