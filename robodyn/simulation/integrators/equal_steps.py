@@ -56,7 +56,7 @@ class EqualSteps(Integrator):
 
 def total(weights: Array, k: Sequence[Array]) -> Array:
     """Σ w_j k_j, smallest index first."""
-    return reduce(add, [weights[j] * k[j] for j in np.flatnonzero(weights)])
+    return reduce(add, [weights[j] * k[j] for j in np.flatnonzero(weights).tolist()])
 
 
 def hermite(t: float, h: float, x: Array, x_new: Array, f: Array, f_new: Array) -> Callable[[Array], Array]:
