@@ -17,6 +17,11 @@ RATES = {"rad/s": "rad/s²", "m/s": "m/s²"}
 ENERGIES = ("kinetic", "potential", "work", "balance")
 
 
+def unlabelled(scene: Scene) -> Labels:
+    """No columns."""
+    return []
+
+
 @dataclass(frozen=True, kw_only=True)
 class Quantity:
     """A quantity over time: an array (T, *shape), the shape stated in `sizes` and numbers; columns of a CSV table where it names one."""
@@ -27,7 +32,7 @@ class Quantity:
     meaning: str
     found: Callable[..., Array]  # from a Trajectory
     csv: str | None = None  # the table; a new name is a new file
-    labels: Callable[[Scene], Labels] = lambda scene: []  # of as many columns as the shape has numbers
+    labels: Callable[[Scene], Labels] = unlabelled  # of as many columns as the shape has numbers
 
     def of(self, trajectory: Any) -> Array:
         """The array (T, *shape) of a Trajectory."""

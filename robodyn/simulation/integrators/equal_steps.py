@@ -2,6 +2,8 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import reduce
+from operator import add
 from typing import NamedTuple
 
 import numpy as np
@@ -54,8 +56,7 @@ class EqualSteps(Integrator):
 
 def total(weights: Array, k: Sequence[Array]) -> Array:
     """Σ w_j k_j, smallest index first."""
-    first, *rest = np.flatnonzero(weights).tolist()
-    return sum((weights[j] * k[j] for j in rest), weights[first] * k[first])
+    return reduce(add, [weights[j] * k[j] for j in np.flatnonzero(weights).tolist()])
 
 
 def hermite(t: float, h: float, x: Array, x_new: Array, f: Array, f_new: Array) -> Callable[[Array], Array]:
