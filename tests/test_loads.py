@@ -318,7 +318,8 @@ def test_power_of_the_loads(seed):
     c = case(seed, n=4, fixed=0.3)
     load = rd.LinkWrench(c.robot.link_names[-1], (1.0, 2.0, -3.0), (0.5, 0.1, 0.2), (0.1, 0.2, 0.3), ("link", "world")[seed % 2])
     loads = [load_of(law, c.robot)[0] for law in LAWS] + [load]
-    acts = rd.Scene(c.robot, loads=loads).equations().applied(0.0, c.q, c.v, c.tau)
+    equations = rd.Scene(c.robot, loads=loads).equations()
+    acts = equations.applied(equations.state(0.0, c.q, c.v), c.tau)
     joint_power = sum(load_of(law, c.robot)[1](c.q, c.v) for law in LAWS[:3]) @ c.v
     wrench_power = virtual_work(c.robot, load, many_digits(c.q)).astype(float) @ c.v
     expected = joint_power + wrench_power + c.tau @ c.v

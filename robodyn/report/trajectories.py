@@ -17,7 +17,6 @@ from ..arithmetic import Array
 from ..engine.emit.integrate import DONE
 from ..errors import ModelError
 from ..simulation import Trajectory, native, simulate, simulate_many
-from ..simulation.state import initial_state
 from ..simulation.times import step_count
 from .accuracy import error
 from .subject import Contest, Subject
@@ -119,7 +118,7 @@ def steps_alone(subject: Subject, count: int = 5000) -> Job:
     """RK4 steps of dt in native code and nothing around them: no tracing, no results but the end."""
     q, v = _start(subject)
     advance = native.compiled(subject.scene.evaluator, "rk4", "auto", lanes=1)
-    x0, t_end = initial_state(subject.scene, q, v)[:, None], count * subject.settings.dt
+    x0, t_end = subject.scene.evaluator.start(q, v)[:, None], count * subject.settings.dt
 
     def run() -> None:
         integration = native.Run(advance, x0, 0.0, np.array([t_end]), {"dt": subject.settings.dt, "rtol": 0.0, "atol": 0.0})
