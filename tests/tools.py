@@ -6,6 +6,7 @@ import numpy as np
 
 import robodyn as rd
 
+EPS = np.finfo(float).eps
 SEEDS = range(50)
 ROUTES = ("recursive", "nonrecursive", "saddle_joint", "saddle_body")
 
