@@ -27,6 +27,7 @@ def random_robot(
     branching: 0 gives a chain, 1 attaches every link to any earlier one. fixed: the share of fixed joints, where it is given.
     Inertias are generic: three different principal moments that satisfy the triangle inequality, about axes askew to the link's,
     and a centre of mass away from the origin. Lengths are about 0.3 m, masses 0.5 to 3 kg.
+    InputError where a number is out of its range, a joint type unknown, or none is left to draw.
     """
     if n < 0 or not 0 <= branching <= 1 or not 0 <= (fixed or 0) <= 1:
         raise InputError(f"random_robot needs n ≥ 0, 0 ≤ branching ≤ 1 and 0 ≤ fixed ≤ 1, not n={n}, branching={branching}, fixed={fixed}")

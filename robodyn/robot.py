@@ -35,6 +35,23 @@ def load(
 class Robot(Mechanism, Asking):
     """An immutable robot. Its methods know rigid bodies and gravity alone; a `Scene` adds damping, friction and loads.
 
+    By hand, without a file: a joint per link, the root link's, named `ground`, first; `parent` is the number of a link that stands before.
+
+        bob = rd.Inertia.about_centre(2.0, [0.0, 0.0, -0.5], 0.01 * np.eye(3))  # [kg], [m], [kg m²]
+        hinge = rd.joints.Revolute.from_axis([0.0, 1.0, 0.0])
+        robot = rd.Robot(
+            name="pendulum",
+            links=(rd.Link("stand"), rd.Link("rod", bob)),
+            joints=(
+                rd.Joint("ground", rd.joints.Fixed(), parent=-1),
+                rd.Joint("hinge", hinge, parent=0, translation=np.array([0.0, 0.0, 1.0]), limits=rd.Limits(-1.5, 1.5)),
+            ),
+        )
+        robot.forward_dynamics([0.3], [0.0])
+
+    `Limits` are shown and kept; nothing is enforced. `mimic=rd.Mimic(leader=1, ratio=2.0)` makes a joint follow joint number 1: it has no
+    coordinate of its own. ModelError where links and joints are no tree.
+
     Every method takes one state or any number in leading dimensions: q (..., nq), v, tau and a (..., nv).
     """
 

@@ -70,7 +70,10 @@ class Scene(Asking):
         return Evaluator(self.robot, np.asarray(self.gravity), tuple(x for x in self.all_loads if not isinstance(x, Sampled)))
 
     def answered(self, t: float, q: object, v: object, backend: str) -> Array | None:
-        """What the sampled controllers answer at time t and states q, v: (..., nv); None where there are none."""
+        """What the sampled controllers answer at time t and states q, v: (..., nv); None where there are none.
+
+        ModelError where they would have to be asked in 50 digits.
+        """
         if not self.sampled:
             return None
         if backend == "mpmath":
@@ -113,7 +116,10 @@ class Scene(Asking):
         part: str = "constraint",
         joints: Iterable[str] | None = None,
     ) -> Reactions:
-        """The same at known accelerations a (..., nv), joints' own forces u (..., nu) and loads' states z, as a `Trajectory` holds them."""
+        """The same at known accelerations a (..., nv), joints' own forces u (..., nu) and loads' states z, as a `Trajectory` holds them.
+
+        InputError for an argument of the wrong shape or value.
+        """
         names, question = self.about(questions.KnownReactions, joints, frame=frame, part=part)
         if not np.isfinite(t).all():
             raise InputError(f"t={t} must be finite")
@@ -127,7 +133,7 @@ class Scene(Asking):
     def about(
         self, kind: type[questions.Question], joints: Iterable[str] | None, **options: str
     ) -> tuple[tuple[str, ...], questions.Question]:
-        """The names of joints, and the question of a kind about them, put together once."""
+        """The names of joints, and the question of a kind about them, put together once. InputError where joints is no list of names."""
         if isinstance(joints, str):
             raise InputError(f"joints={joints!r} must be a list of names: joints=[{joints!r}]")
         names = self.robot.all_joint_names if joints is None else tuple(joints)

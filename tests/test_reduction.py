@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 import robodyn as rd
+from robodyn.arithmetic import EPS
 from robodyn.evaluation import base_parameters as reduction
 from robodyn.joints import Fixed, Revolute
 from robodyn.model import GROUND, Inertia, Joint, Limits, Link, Mimic
-from robodyn.report.accuracy import EPS, condition, error
+from robodyn.report.accuracy import condition, error
 from robodyn.system import cache
 
 X, Y = np.eye(3)[:2]

@@ -17,7 +17,7 @@ DIGITS = 50  # of backend="mpmath"
 
 
 def mpmath():
-    """The mpmath module, imported when first used."""
+    """The mpmath module, imported when first used. MissingPackageError where it is not installed."""
     try:
         import mpmath as module
     except ImportError as error:

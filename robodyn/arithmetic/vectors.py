@@ -176,7 +176,7 @@ def solve(A: Array, b: Array) -> Array:
     """x with A x = b for a dense, indefinite A (..., n, n) and b (..., n), by LU with partial pivoting.
 
     Floats go to LAPACK, and one step of iterative refinement cleans what bad scaling left; mpmath numbers go to mpmath.
-    A traced A has no pivots to choose from: the routes that need this function are oracles, not kernels.
+    ModelError for a traced A, which has no pivots to choose from: the routes that need this function are oracles, not kernels.
     """
     if A.dtype != object:
         x = np.linalg.solve(A, b[..., None])

@@ -13,7 +13,7 @@ UNIT_TOLERANCE = 1e-6  # how far |quaternion|² may be from 1: room for files in
 
 
 def choice(name: str, value: str, choices: Sequence[str]) -> str:
-    """`value` if it is one of `choices`."""
+    """`value` if it is one of `choices`; InputError where it is not."""
     if value not in choices:
         raise InputError(f"{name}={value!r} is not known: choose one of {', '.join(map(repr, choices))}")
     return value
@@ -28,7 +28,7 @@ PRECISIONS = (np.dtype(np.float64), np.dtype(np.float32))
 
 
 def precision(dtype: object, backend: str) -> np.dtype:
-    """float64 or float32, as asked for; the 50 digits of mpmath are neither."""
+    """float64 or float32, as asked for. InputError for any other, and for float32 where 50 digits are computed."""
     try:
         found = np.dtype(dtype)  # type: ignore[call-overload]
     except TypeError:
@@ -41,7 +41,7 @@ def precision(dtype: object, backend: str) -> np.dtype:
 
 
 def array(name: str, value: object, size: int, meaning: str, labels: Sequence[str] = (), *, objects: bool = False) -> Array:
-    """`value` as a finite array (..., size); `meaning` says what the last dimension is."""
+    """`value` as a finite array (..., size), `meaning` says of what; InputError where it is none. objects: mpmath numbers may pass."""
     x = as_array(name, value)
     if x.dtype == object and objects and x.size and all(isinstance(e, (int, float)) or is_exact(np.array(e, dtype=object)) for e in x.flat):
         pass  # mpmath numbers stay what they are
@@ -81,7 +81,7 @@ def as_array(name: str, value: object) -> Array:
 
 
 def number(name: str, value: object) -> float:
-    """A finite number."""
+    """A finite number; InputError where it is none."""
     try:
         number = float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError):
@@ -92,14 +92,14 @@ def number(name: str, value: object) -> float:
 
 
 def thread_count(value: object) -> int | None:
-    """How many threads may share the work; None: one per core."""
+    """How many threads may share the work; None: one per core. InputError where it is no whole number of at least 1."""
     if value is not None and (isinstance(value, bool) or not isinstance(value, Integral) or value < 1):
         raise InputError(f"threads={value!r} must be a whole number of at least 1, or None for all cores")
     return None if value is None else int(value)
 
 
 def vector3(name: str, value: object) -> Array:
-    """`value` as three finite numbers."""
+    """`value` as three finite numbers (3,); InputError where it is not that."""
     x = array(name, value, 3, "x, y and z")
     if x.ndim != 1:
         raise InputError(f"{name} has the shape {x.shape}: it must be (3,)")
@@ -145,7 +145,7 @@ def quick(robot: Mechanism, arrays: Mapping[str, object], nz: int = 0) -> tuple[
 
 
 def target(out: object, shape: tuple[int, ...], arrays: Mapping[str, object], dtype: np.dtype) -> Array:
-    """`out` if a result of this shape can be written into it while the arrays are read."""
+    """`out`; InputError where a result of this shape and dtype cannot be written into it while the arrays are read."""
     if not isinstance(out, np.ndarray) or out.dtype != dtype:
         kind = f"an array of {out.dtype}" if isinstance(out, np.ndarray) else repr(out)
         raise InputError(f"out is {kind}: it must be an array of {dtype}, such as np.empty({shape}, np.{dtype})")
@@ -161,7 +161,7 @@ def target(out: object, shape: tuple[int, ...], arrays: Mapping[str, object], dt
 
 
 def broadcast(**arrays: Array) -> tuple[int, ...]:
-    """The common leading dimensions of the arrays."""
+    """The common leading dimensions of the arrays; InputError where they have none."""
     try:
         return np.broadcast_shapes(*(x.shape[:-1] for x in arrays.values()))
     except ValueError:

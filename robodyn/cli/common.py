@@ -30,7 +30,7 @@ def load_robot(options: argparse.Namespace) -> Robot:
 
 
 def assignments(option: str, texts: Iterable[str]) -> dict[str, float]:
-    """`name=number` arguments as a dictionary."""
+    """`name=number` arguments as a dictionary; InputError where one is not of this form."""
     found = {}
     for text in texts:
         name, _, value = text.rpartition("=")

@@ -69,9 +69,16 @@ class Reacting(Solved, total=False):
     joints: Iterable[str] | None
 
 
-# Each option's default and explanation, in the order in which signatures show them.
+# What arguments mean.
+ARGUMENTS = {
+    "q": "joint coordinates (..., nq) [rad, m]: one state, or any number in leading dimensions, as in all arrays here.",
+    "v": "joint velocities (..., nv) [rad/s, m/s], at rest if None.",
+    "tau": "joint forces (..., nv) [N m, N], none if not given.",
+    "a": "joint accelerations (..., nv) [rad/s², m/s²], zero if None.",
+}
+# Each option's default and meaning, in the order in which signatures show them.
 OPTIONS: dict[str, tuple[object, str]] = {
-    "gravity": (EARTH, "acceleration (3,) [m/s²] in the ground's frame; of a `Robot` alone, a `Scene` has its own."),
+    "gravity": (EARTH, "acceleration (3,) [m/s²] in the ground's frame. For a `Robot` only: a `Scene` has its own."),
     "t": (0.0, "time [s], for loads that depend on it."),
     "frame": ("child", 'wrenches are resolved in the "child" link, the "parent" link or the "world".'),
     "part": (
@@ -79,17 +86,16 @@ OPTIONS: dict[str, tuple[object, str]] = {
         '"constraint" is f̌ᵖ, which does no work on the free motion; "total" adds what actuator, damping, spring and friction '
         "transmit along the free axes.",
     ),
-    "joints": (None, "names, all of them if not given: `ground`, fixed and mimic joints included."),
+    "joints": (None, "names of the joints that are asked for; all if not given: `ground`, fixed and mimic joints included."),
     "formalism": (
         "auto",
-        '"recursive", "nonrecursive", "saddle_joint" or "saddle_body", the routes of M̂ η̇ = k̂ and eqs. (18), (19); "auto" takes the '
-        "cheaper of the first two, counted in operations and in values that wait for long. The saddle-point routes are oracles and "
-        'always run on NumPy. NumPy also answers for robots of more than 100 bodies or freedoms by "nonrecursive": their kernels would '
-        'take minutes to compile. Of robots with mimic joints and more than 50 bodies or freedoms, "auto" solves for accelerations by '
-        "LAPACK, on the mass matrix that kernels find.",
+        '"recursive" and "nonrecursive" are two routes of M̂ η̇ = k̂; "auto" takes the cheaper, counted in operations and in values that '
+        'wait for long. "saddle_joint" and "saddle_body", eqs. (18) and (19), are oracles and always run on NumPy. So does "nonrecursive" '
+        "for robots of more than 100 bodies or freedoms: their kernels would take minutes to compile. Of robots with mimic joints and more "
+        'than 50 bodies or freedoms, "auto" solves for accelerations by LAPACK, on the mass matrix that kernels find.',
     ),
     "backend": (DEFAULT, '"native" (compiled at first use), "numpy" (the readable reference) or "mpmath" (50 digits, slow).'),
-    "threads": (None, "how many share a large batch; all cores if not given, 1 for none."),
+    "threads": (None, "how many share a large batch: all cores if not given, 1 for none beside the caller's."),
     "dtype": (
         np.float64,
         "np.float64, or np.float32 for kernels with twice the lanes and answers in float32. Arrays of other types are converted. "
@@ -101,28 +107,26 @@ OPTIONS: dict[str, tuple[object, str]] = {
         "Its contents are undefined after an error.",
     ),
 }
-ERRORS = """Raises InputError for an argument of the wrong shape or value, ModelError where the motion is undetermined or the answer is
-not finite, TypeError for an option that the method does not have."""
+ERRORS = (
+    "InputError for an argument of the wrong shape or value, ModelError where the motion is undetermined or the answer is not finite, "
+    "TypeError for an option that the method does not have."
+)
 
 Method = TypeVar("Method", bound=Callable[..., Any])
-_known: dict[str, frozenset[str]] = {}  # a method's name → its options
-_PLAIN = frozenset({"threads", "out"})  # options that built-in functions take
+_known: dict[str, list[str]] = {}  # a method's name → its options
+_PLAIN = frozenset({"t", "backend", "threads", "out"})  # options that a built-in function may stand in for
 
 
 def explained(method: Method) -> Method:
-    """The same method; its options stand one by one in its signature, and explained in its docstring."""
+    """The same method; its options stand one by one in its signature, and all that it takes is explained in its docstring."""
     signature = inspect.signature(method)
     *arguments, collected = signature.parameters.values()
-    types = get_args(collected.annotation)[0].__annotations__
-    options = [
-        inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=types[name])
-        for name, (default, _) in OPTIONS.items()
-        if name in types
-    ]
-    _known[method.__name__] = frozenset(types)
+    names = _known[method.__name__] = [name for name in OPTIONS if name in get_args(collected.annotation)[0].__optional_keys__]
+    options = [inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=OPTIONS[name][0]) for name in names]
     method.__signature__ = signature.replace(parameters=[*arguments, *options])  # type: ignore[attr-defined]
-    lines = (fill(f"{option.name}: {OPTIONS[option.name][1]}", 100, subsequent_indent="    ") for option in options)
-    method.__doc__ = "\n\n".join([inspect.cleandoc(method.__doc__ or ""), "\n".join(lines), ERRORS])
+    meanings = {x.name: ARGUMENTS[x.name] for x in arguments[1:]} | {name: OPTIONS[name][1] for name in names}
+    lines = (fill(f"{name}: {meaning}", 100, subsequent_indent="    ") for name, meaning in meanings.items())
+    method.__doc__ = "\n\n".join([inspect.cleandoc(method.__doc__ or ""), "\n".join(lines), fill(ERRORS, 100)])
     return method
 
 
@@ -166,35 +170,28 @@ class Asking(ABC):
     def _asked(self, method: str, given: object) -> tuple[Modelled, dict[str, Any]]:
         """What answers a method's call, and the options that are left for the evaluator. TypeError for an option it does not have."""
         options = cast(dict[str, Any], given)
-        if options:
-            if not options.keys() <= _known[method]:
-                self._refuse(method, options)
-            if "t" in options:
-                options["t"] = inputs.number("t", options["t"])
+        for name in options:
+            if name not in _known[method]:
+                known = ", ".join(_known[method])
+                raise TypeError(f"{type(self).__name__}.{method}() got an unexpected keyword argument {name!r}: it takes {known}")
+        if "t" in options:
+            options["t"] = inputs.number("t", options["t"])
         return self._modelled(options), options
 
-    def _refuse(self, method: str, options: Mapping[str, Any]) -> None:
-        known = [name for name in OPTIONS if name in _known[method]]
-        wrong = next(name for name in options if name not in known)
-        raise TypeError(f"{type(self).__name__}.{method}() got an unexpected keyword argument {wrong!r}: it takes {', '.join(known)}")
-
     def _hasten(self, modelled: Modelled, method: Any, question: questions.Question, given: Mapping[str, Any]) -> None:
-        """Answer plain calls by a built-in function from now on, where nothing but what it answers was asked for."""
-        if given.keys() <= _PLAIN and not modelled.sampled:
+        """Answer plain calls by a built-in function from now on, where this one asked for nothing but what that answers."""
+        plain = given.keys() <= _PLAIN and given.get("t", 0.0) == 0.0 and given.get("backend", DEFAULT) == DEFAULT
+        if plain and not modelled.sampled and modelled is self._modelled({}):
             modelled.evaluator.hasten(self, method, question)
 
     # --- how it moves ---
 
     @explained
     def forward_dynamics(self, q, v, tau=None, **options: Unpack[Solved]) -> Array:
-        """η̇ (..., nv) [rad/s², m/s²] under the joint forces tau (..., nv) [N m, N], none if not given, and the loads at time t.
-
-        The solution of M̂ η̇ = k̂.
-        """
-        elsewhere = "gravity" in options
+        """η̇ (..., nv) [rad/s², m/s²], the solution of M̂ η̇ = k̂: the acceleration under the joint forces tau and the loads at time t."""
         modelled, rest = self._asked("forward_dynamics", options)
         question = questions.ForwardDynamics(inputs.choice("formalism", rest.pop("formalism", "auto"), FORMALISMS))
-        if question.formalism == "auto" and not elsewhere:
+        if question.formalism == "auto":
             self._hasten(modelled, Asking.forward_dynamics, question, rest)
         tau = _supplied(modelled, q, v, tau, rest)
         return modelled.evaluator.ask(question, q=q, v=v, tau=tau, **rest)["vdot"]
@@ -203,24 +200,16 @@ class Asking(ABC):
 
     @explained
     def inverse_dynamics(self, q, v, a, **options: Unpack[Dynamic]) -> Array:
-        """tau (..., nv) [N m, N] that the joints must supply, beside the loads, for the acceleration a (..., nv) [rad/s², m/s²]."""
-        elsewhere = "gravity" in options
+        """tau (..., nv) [N m, N] that the joints must supply, beside the loads at time t, for the acceleration a."""
         modelled, rest = self._asked("inverse_dynamics", options)
-        question = questions.InverseDynamics()
-        if not elsewhere:
-            self._hasten(modelled, Asking.inverse_dynamics, question, rest)
-        tau = modelled.evaluator.ask(question, q=q, v=v, a=a, **rest)["tau"]
-        if modelled.sampled and (answered := modelled.answered(rest.get("t", 0.0), q, v, rest.get("backend", DEFAULT))) is not None:
-            tau[...] = tau - answered
-        return tau
+        self._hasten(modelled, Asking.inverse_dynamics, questions.InverseDynamics(), rest)
+        return _required(modelled, q, v, a, rest)
 
     @explained
     def bias_forces(self, q, v, **options: Unpack[Dynamic]) -> Array:
         """−k̂ᶜ − k̂ᵗ (..., nv) [N m, N]: `inverse_dynamics` at a = 0; gravity, Coriolis and centrifugal forces, loads."""
-        if not options.keys() <= _known["bias_forces"]:
-            self._refuse("bias_forces", cast(dict[str, Any], options))
-        # Of the class: a built-in function that stands before it takes no a that is not given.
-        return type(self).inverse_dynamics(self, q, v, None, **options)
+        modelled, rest = self._asked("bias_forces", options)
+        return _required(modelled, q, v, None, rest)
 
     @explained
     def mass_matrix(self, q, **options: Unpack[Written]) -> Array:
@@ -232,7 +221,7 @@ class Asking(ABC):
     def reactions(self, q, v, tau=None, **options: Unpack[Reacting]) -> Reactions:
         """The wrench [M, F] (..., 6) [N m, N] on each joint's child link, from its parent, about the joint's origin.
 
-        tau: joint forces (..., nv) [N m, N], none if not given. `out` becomes the `array` of the result.
+        By the joint's name: `robot.reactions(q, v)["elbow_joint"]`. `out` becomes the `array` (..., njoints, 6) of the result.
         """
         modelled, rest = self._asked("reactions", options)
         frame, part = rest.pop("frame", "child"), rest.pop("part", "constraint")
@@ -268,13 +257,25 @@ class Asking(ABC):
         return modelled.evaluator.ask(questions.LinkPoses(), q=q, **rest)["poses"]
 
 
+def _sampled(modelled: Modelled, q: object, v: object, options: Mapping[str, Any]) -> Array | None:
+    """What the digital controllers answer to a question with these options: (..., nv); None where there are none."""
+    return modelled.answered(options.get("t", 0.0), q, v, options.get("backend", DEFAULT)) if modelled.sampled else None
+
+
 def _supplied(modelled: Modelled, q: object, v: object, tau: object, options: Mapping[str, Any]) -> object:
     """tau, and what the digital controllers add to it."""
-    if not modelled.sampled:
-        return tau
-    answered = modelled.answered(options.get("t", 0.0), q, v, options.get("backend", DEFAULT))
+    answered = _sampled(modelled, q, v, options)
     if answered is None or tau is None:
         return tau if answered is None else answered
     # Both are (..., nv): checked under the names that have this shape.
     arrays = inputs.checked(modelled.evaluator.robot, {"tau": tau, "v": answered})
     return arrays["tau"] + arrays["v"]
+
+
+def _required(modelled: Modelled, q: object, v: object, a: object, options: Mapping[str, Any]) -> Array:
+    """tau (..., nv) for the acceleration a (..., nv), less what the digital controllers supply."""
+    tau = modelled.evaluator.ask(questions.InverseDynamics(), q=q, v=v, a=a, **options)["tau"]
+    answered = _sampled(modelled, q, v, options)
+    if answered is not None:
+        tau[...] = tau - answered
+    return tau

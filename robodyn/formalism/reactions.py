@@ -22,7 +22,10 @@ PARTS = ("constraint", "total")
 
 @dataclass(frozen=True, eq=False)
 class Reactions(Mapping[str, Array]):
-    """The wrench [M, F] (..., 6) in [N m, N] of each joint, by name: `reactions["elbow_joint"]`."""
+    """The wrench [M, F] (..., 6) in [N m, N] of each joint, by name: `reactions["elbow_joint"]`.
+
+    UnknownNameError, a ModelError and a KeyError, for a joint that was not asked for.
+    """
 
     joint_names: tuple[str, ...]
     array: Array  # (..., njoints, 6)

@@ -97,7 +97,7 @@ def joint_numbers(mechanism: Mechanism, values: Mapping[str, object], what: str)
 
 
 def joint_table(mechanism: Mechanism, values: Mapping[str, object], what: str) -> dict[int, Array]:
-    """`{"joint": number or one number per freedom}` by joint index, each checked and of size nv_i."""
+    """`{"joint": number or one number per freedom}` by joint index, each (nv_i,); InputError where it is not that, or a joint is fixed."""
     if not isinstance(values, Mapping):
         raise InputError(f'{what}={values!r} must name the joints it belongs to: {{"joint": number}}')
     table = {}

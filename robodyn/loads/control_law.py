@@ -29,7 +29,7 @@ class ControlLaw(Load):
     keeps the value that it has then, so other gains need a new Scene. (`simulate`, and kernels made later, refuse a law that has changed;
     a question that has its kernel does not look.) Arithmetic, comparisons joined by & | ^ ~, np.where, np.select, np.clip, np.minimum,
     np.maximum, np.sign, np.floor, % (to wrap an angle), np.linalg.norm and NumPy's elementary functions pass; a branch on a value does not.
-    What np.where does not choose is computed all the same.
+    What np.where does not choose is computed all the same. InputError where the law is no function.
     """
 
     law: Callable[[float, Array, Array], Array]
@@ -62,6 +62,10 @@ class ControlLaw(Load):
         return tau
 
     def joint_forces(self, state: State) -> Mapping[int, Array]:
+        """What the law returns (nv_i,), by joint.
+
+        InputError where that is no array (nv,) of real numbers, where the law fails or cannot be compiled; ModelError in 50 digits.
+        """
         if is_exact(state.q):
             raise ModelError("a ControlLaw is a Python function of float64 arrays: it cannot run with backend='mpmath'")
         if state.q.dtype == object:

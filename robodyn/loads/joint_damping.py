@@ -11,7 +11,10 @@ from .base import Load, State, joint_numbers, joint_table
 
 @dataclass(frozen=True, eq=False)
 class JointDamping(Load):
-    """`JointDamping({"elbow_joint": 0.5})`: coefficients [N m s/rad or N s/m], one per joint or one per freedom."""
+    """`JointDamping({"elbow_joint": 0.5})`: coefficients [N m s/rad or N s/m], one per joint or one per freedom.
+
+    InputError where one is negative.
+    """
 
     coefficients: Mapping[str, float]
 

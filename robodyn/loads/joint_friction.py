@@ -14,6 +14,7 @@ class JointFriction(Load):
     """`JointFriction({"elbow_joint": 2.0})`: Coulomb friction [N m or N] that does not depend on the joint's reaction.
 
     The jump at rest is smoothed over the speed `width` [rad/s or m/s]: within it a joint creeps instead of sticking.
+    InputError where a coefficient is negative or the width is not positive.
     """
 
     coefficients: Mapping[str, float]

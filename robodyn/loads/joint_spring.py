@@ -13,7 +13,10 @@ from .base import JointNumbers, Load, State, joint_numbers, joint_table
 
 @dataclass(frozen=True, eq=False)
 class JointSpring(Load):
-    """`JointSpring({"knee": 40.0}, rest={"knee": 0.3})`: stiffness [N m/rad or N/m], rest position [rad or m], 0 if not given."""
+    """`JointSpring({"knee": 40.0}, rest={"knee": 0.3})`: stiffness [N m/rad or N/m], rest position [rad or m], 0 if not given.
+
+    InputError for a joint whose coordinates are Euler parameters, and for a rest position without stiffness.
+    """
 
     stiffness: Mapping[str, float]
     rest: Mapping[str, float] = field(default_factory=dict)

@@ -17,6 +17,7 @@ class LinkWrench(Load):
     """`LinkWrench("tool0", force=(0, 0, -50), point=(0, 0, 0.1))`: acts at a point fixed to the link [m, link frame].
 
     frame="link": force [N] and moment [N m] turn with the link; frame="world": their directions stay.
+    InputError where the frame is another, or a vector is not three finite numbers.
     """
 
     link: str

@@ -21,6 +21,7 @@ class Sampled(Load):
     never on trial states. It is ordinary Python and is not compiled: it may branch, remember and print. q and v are copies, its to keep.
     A question at one state (`Scene.forward_dynamics`, …) calls it there and then, and a law with a memory remembers that call too.
     A mimic joint's coordinate is driven at its leader. Several at one instant are called in the order of the scene's loads.
+    InputError where the law is no function or dt is no positive, finite number.
     """
 
     law: Callable[[float, Array, Array], Array]

@@ -12,7 +12,10 @@ from ..errors import ModelError
 
 @dataclass(frozen=True, eq=False)
 class Inertia:
-    """Mass properties about the reference point O, resolved in the body's frame; the blocks of M_i in eq. (7)."""
+    """Mass properties about the reference point O, resolved in the body's frame; the blocks of M_i in eq. (7).
+
+    ModelError where a shape is wrong; whether a body can have these numbers is asked when it has to move.
+    """
 
     mass: float  # m [kg]
     moment: Array  # m ρ (3,) [kg m]; ρ leads from O to the centre of mass

@@ -66,6 +66,7 @@ class Mechanism:
     """Links and joints of a robot. Joint i carries link i; a parent stands before its children (depth first).
 
     joints[0] is the joint to ground, named `ground`: fixed, or free for a floating base.
+    ModelError where links and joints are no such tree, the leader of a mimic joint owns no coordinate, or a name stands twice.
     """
 
     name: str

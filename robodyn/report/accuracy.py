@@ -7,8 +7,6 @@ from ..dynamics.questions import MassMatrix
 from ..model import Mechanism
 from ..scene import Scene
 
-EPS = float(np.finfo(float).eps)
-
 
 def error(found: Array, exact: Array) -> float:
     """The largest error of any state (N, …), relative to the largest entry of that state's exact result."""

@@ -52,7 +52,7 @@ class Row:
 
 
 def rows(subject: Subject, kinds: Sequence[str] = tuple(KINDS), *, script: str | None = None, tick: Tick = lambda _: None) -> Iterator[Row]:
-    """The rows of one robot, each as soon as it is measured. script: the yardstick's."""
+    """The rows of one robot, each as soon as it is measured. script: the yardstick's. InputError for an unknown kind."""
     if unknown := set(kinds) - set(KINDS):
         raise InputError(f"there is no kind of work named {', '.join(sorted(unknown))}; there are {', '.join(KINDS)}")
     _needs_digits()

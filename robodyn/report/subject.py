@@ -50,7 +50,7 @@ class Subject:
 
     @cached_property
     def robot(self) -> Robot:
-        """The robot."""
+        """The robot; InputError where it cannot move."""
         robot = load(self.path, **self.options)
         if not robot.nv:
             raise InputError(f"robot {robot.name!r} has no degree of freedom: there is nothing to measure")

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..arithmetic import Array
+from ..arithmetic import EPS, Array
 from ..joints import JOINT_TYPES
 from ..model import GROUND
 from .document import Element, quoted
@@ -135,7 +135,7 @@ def check_inertia(link: Element, ledger: Ledger) -> None:
     # Rounding is what is lost in Θ about O anyway, beside the moments themselves and Steiner's share m ρ².
     mass = numbers(link.first("inertial", "mass"), "value", "0")[0]
     centre = numbers(link.first("inertial", "origin"), "xyz", "0 0 0")
-    rounding = 16 * np.finfo(float).eps * max(abs(a), abs(c), mass * (centre @ centre))
+    rounding = 16 * EPS * max(abs(a), abs(c), mass * (centre @ centre))
 
     path, where = "link/inertial/inertia", f"{quoted(link.get('name'))} line {inertia.line}"
     if a < -rounding:

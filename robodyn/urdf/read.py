@@ -60,7 +60,10 @@ def read(
 
 
 def contents(source: Source) -> tuple[bytes | str, str, str | None]:
-    """What the source holds, its name for messages, and its path where it has one."""
+    """What the source holds, its name for messages, and its path where it has one.
+
+    InputError where it is neither a path nor a file, UrdfError where it cannot be read.
+    """
     if isinstance(source, str | os.PathLike):
         path, content = os.fsdecode(source), lambda: Path(source).read_bytes()
     elif hasattr(source, "read"):

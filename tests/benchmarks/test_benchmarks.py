@@ -14,8 +14,9 @@ import numpy as np
 import pytest
 
 import robodyn as rd
+from robodyn.arithmetic import EPS
 from robodyn.report import KINDS, Contest, Settings, Subject
-from robodyn.report.accuracy import EPS, condition, error
+from robodyn.report.accuracy import condition, error
 from robodyn.report.processes import FIRST, IMPORT
 from robodyn.report.timing import fresh
 

@@ -305,7 +305,7 @@ fork()
 def test_a_fork_in_the_middle_of_another_threads_trace():
     """The child finds all locks free, those of lazily computed values too, and Python looking for garbage again."""
     code = """
-from robodyn.questions import ForwardDynamics
+from robodyn.dynamics.questions import ForwardDynamics
 tracing, forked, whole = threading.Event(), threading.Event(), ForwardDynamics.answer
 def answer(*arguments, **options):
     if threading.current_thread() is thread:

@@ -15,8 +15,9 @@ import real_robots
 from real_robots import ROBOTS
 
 import robodyn as rd
+from robodyn.arithmetic import EPS
 from robodyn.evaluation.base_parameters import costs_digits
-from robodyn.report.accuracy import EPS, condition, error
+from robodyn.report.accuracy import condition, error
 
 BOUND = 50.0
 STATES = 4

@@ -5,12 +5,12 @@ from base64 import b64decode
 import numpy as np
 import pytest
 
+from robodyn.arithmetic import EPS
 from robodyn.arithmetic.vectors import rotation, rotation_from_quaternion
 from robodyn.errors import InputError
 from robodyn.view.encode import placement, quaternions
 from robodyn.view.motion import motion
 
-EPS = np.finfo(float).eps
 EPS32 = np.finfo(np.float32).eps
 
 

@@ -7,9 +7,7 @@ any other `Stepper`, which writes the code of one step.
 
 from collections.abc import Iterator
 
-import numpy as np
-
-from ...arithmetic import Array
+from ...arithmetic import EPS, Array
 from ..trace.layout import Looped
 from ..trace.program import Program
 from . import parts, runge_kutta
@@ -27,7 +25,6 @@ STATUSES = 4
 ON_STACK = 4000  # entries of the workspace up to which it is on the stack, from where LLVM lifts it into registers
 INLINED = 3000  # operations of the right-hand side, times its calls, up to which each call takes it in
 
-EPS = float(np.finfo(float).eps)
 SAFETY, SHRINK, GROW = 0.9, 0.2, 10.0  # of the step size control, as in SciPy
 
 

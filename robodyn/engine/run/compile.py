@@ -17,7 +17,7 @@ _held: list[Any] = []  # llvmlite's own lock, once it is there: every call, and 
 
 @cache
 def llvm() -> Any:
-    """llvmlite's binding, imported and initialised when first used."""
+    """llvmlite's binding, imported and initialised when first used. MissingPackageError where it is not installed."""
     with _lock:
         try:
             import llvmlite.binding as binding

@@ -26,7 +26,10 @@ OFF += ("ISLAND", "MIDPHASE", "AUTORESET", "EULERDAMP", "REFSAFE", "FILTERPARENT
 
 
 class Twin:
-    """The same robot, under the same gravity, stepped by MuJoCo's RK4 with steps of dt [s]."""
+    """The same robot, under the same gravity, stepped by MuJoCo's RK4 with steps of dt [s].
+
+    ModelError where a joint mimics another, or is neither revolute nor prismatic.
+    """
 
     def __init__(self, robot: Mechanism, dt: float, gravity: Sequence[float]) -> None:
         tree, spec = lump(robot), mujoco.MjSpec()

@@ -92,7 +92,10 @@ class Pair:
         return np.linalg.solve(self.mass_matrix(q), tau - self.inverse_dynamics(q, v, 0 * v))
 
     def rate(self) -> Callable[[float, Any], Any]:
-        """ẋ of x = (q, v) without joint forces, for integrators in Python: around pin.aba, and nothing else where coordinates agree."""
+        """ẋ of x = (q, v) without joint forces, for integrators in Python: around pin.aba, and nothing else where coordinates agree.
+
+        ModelError where the coordinates' rates are not the velocities.
+        """
         model, data, n, zero = self.model, self.data, self.robot.nv, np.zeros(self.robot.nv)
         if self.robot.nq != n:
             raise ModelError("the peer's trajectories are integrated only for robots whose coordinates' rates are their velocities")
