@@ -211,6 +211,7 @@ class InNativeCode(Integration):
         self.native_run.taken()
 
     def run(self, report: Progress) -> None:
+        """As in Python; SimulationError where native code cannot go on, with the cause that NumPy's formalism finds."""
         run = self.native_run
         self.x = run.x[:, 0]
         for _, end in self.spans():

@@ -14,7 +14,7 @@ from .times import resolution
 class Sampling:
     """The `Sampled` loads of a scene from t0 to t_end [s]: controller c is asked at t0 + k dt_c before t_end.
 
-    Instants that differ by rounding are one: 3 · 0.1 s and 1 · 0.3 s.
+    Instants that differ by rounding are one: 3 · 0.1 s and 1 · 0.3 s. InputError for a period that float64 does not resolve in the span.
     """
 
     def __init__(self, scene: Scene, t0: float, t_end: float) -> None:
