@@ -25,12 +25,12 @@ _MODEL = (
     model.Joint,
     model.Mimic,
 )
-_CLASSES: dict[str, type] = {cls.__name__: cls for cls in (*_MODEL, *LOADS.values(), model.Mechanism, Robot, Scene)}
+_CLASSES: dict[str, type] = {cls.__name__: cls for cls in (*_MODEL, model.Mechanism, Robot, Scene)}
 
 
 def _class(name: str) -> type | None:
-    """The class that a record names. Joint types are looked up when asked for: one may have been added since."""
-    return _CLASSES.get(name) or next((cls for cls in JOINT_TYPES.values() if cls.__name__ == name), None)
+    """The class that a record names. Loads and joint types are looked up when asked for: one may have been added since."""
+    return _CLASSES.get(name) or LOADS.get(name) or next((cls for cls in JOINT_TYPES.values() if cls.__name__ == name), None)
 
 
 def to_json(value: object) -> str:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ..arithmetic import Array
-from ..dynamics.questions import Energies, Result
+from ..dynamics.questions import Energies, LinkPoses, Result
 from ..dynamics.state_vector import Parts
 from ..errors import FileError, InputError, MissingPackageError, RobodynWarning
 from ..formalism.reactions import Reactions
@@ -92,7 +92,7 @@ class Trajectory:
 
     def link_poses(self) -> Array:
         """The pose (T, nlinks, 4, 4) [1, m] of every link in the ground's frame."""
-        return self.scene.link_poses(self.q)
+        return self.scene.evaluator.ask(LinkPoses(), t=self.t, q=self.q)["poses"]
 
     # --- files ---
 
