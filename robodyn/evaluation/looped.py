@@ -16,8 +16,8 @@ from ..arithmetic import Array
 from ..dynamics.equations import Equations
 from ..dynamics.views import Views
 from ..engine.trace.graph import Graph
-from ..engine.trace.recording import SUM, Forest, objects
-from ..engine.trace.sweeps import Recorder, Records
+from ..engine.trace.recording import SUM, Entry, Forest, Param, objects
+from ..engine.trace.sweeps import NodeRecords, Recorder
 from ..model import Body, Field, Tree
 from ..model.constants import constants, likeness, with_constants
 from ..system.processes import cached_property
@@ -53,10 +53,10 @@ class LoopedTree(Tree):
     def _body(self, kind: int, graph: Graph | None) -> Body:
         return self._kinds[kind].body(graph)
 
-    def _same(self, value: Callable[[Body], list[Any]]) -> Records:
+    def _same(self, value: Callable[[Body], list[Any]]) -> NodeRecords:
         """Records of places that each kind knows."""
         places = [value(kind.example) for kind in self._kinds]
-        return Records(self.recorder, self._forest, places, [lambda xs: objects(xs)] * len(places))
+        return NodeRecords(self.recorder, self._forest, places, [lambda xs: objects(xs)] * len(places))
 
     # --- sweeps ---
 
@@ -90,19 +90,19 @@ class LoopedTree(Tree):
         if found is None:
             return self._same(lambda body: [0.0] * size(body))
         region, start = found
-        return self._same(lambda body: [("vector", region, start, kind, k) for k in range(size(body))])
+        return self._same(lambda body: [Entry(region, kind, start + k) for k in range(size(body))])
 
     def everywhere(self, x: Array) -> Field:
         region, start = self.recorder.vector(x.reshape(1)) or (self.recorder.sparse(1, ()), 0)
         kinds = len(self._kinds)
-        return Records(self.recorder, self._forest, [[("vector", region, start, None, 0)]] * kinds, [lambda xs: xs[0]] * kinds)
+        return NodeRecords(self.recorder, self._forest, [[Entry(region, None, start)]] * kinds, [lambda xs: xs[0]] * kinds)
 
     def on_bodies(self, values: Mapping[int, Array]) -> Field:
         if not values:
-            return Records(self.recorder, self._forest, [[] for _ in self._kinds], [lambda xs: None] * len(self._kinds))
+            return NodeRecords(self.recorder, self._forest, [[] for _ in self._kinds], [lambda xs: None] * len(self._kinds))
         entries = [(6 * i + k, x) for i, wrench in sorted(values.items()) for k, x in enumerate(wrench)]
         region = self.recorder.sparse(6 * len(self.bodies), entries)
-        return self._same(lambda body: [("vector", region, 0, self._column(6), k) for k in range(6)])
+        return self._same(lambda body: [Entry(region, self._column(6), k) for k in range(6)])
 
     def gathered(self, parts: Field) -> Array:
         column = self.recorder.column(self._forest, SUM, self.recorder.forests[self._forest].columns["v"]) if self.has_mimic else "v"
@@ -158,7 +158,7 @@ class _Kind:
             return self.example
         values: list[Any] = constants(self.example).tolist()
         for k, place in enumerate(np.flatnonzero(self.free)):
-            values[place] = graph.node("in", "param", k)
+            values[place] = graph.node("in", Param(k))
         return with_constants(self.example, values)
 
 

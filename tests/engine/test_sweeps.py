@@ -17,8 +17,8 @@ from robodyn.engine.run import kernel as kernels
 from robodyn.engine.run.kernel import Kernel
 from robodyn.engine.trace.alike import MANY
 from robodyn.engine.trace.layout import Fill, Loop, Straight
-from robodyn.engine.trace.recording import SUM, Forest, objects
-from robodyn.engine.trace.sweeps import Recorder, Records
+from robodyn.engine.trace.recording import SUM, Entry, Forest, Kept, OfNode, Own, Param, objects
+from robodyn.engine.trace.sweeps import NodeRecords, Recorder
 
 SIZES = (1, 2, 0)  # numbers that a node of each kind has in a vector
 
@@ -44,8 +44,8 @@ class Wood:
     def field(self, region):
         """Records of each node's entries of an input vector."""
         sizes = SIZES[: self.recorder.forests[self.forest].count]
-        places = [[("vector", region, 0, "x", k) for k in range(size)] for size in sizes]
-        return Records(self.recorder, self.forest, places, [objects] * len(places))
+        places = [[Entry(region, "x", k) for k in range(size)] for size in sizes]
+        return NodeRecords(self.recorder, self.forest, places, [objects] * len(places))
 
     def outward(self, step, root, *fields):
         """The same step(kind, parameters, comes, *records), recorded; `grown` runs it."""
@@ -88,7 +88,7 @@ class Parameters:
         self._graph = graph
 
     def __getitem__(self, k):
-        return self._graph.node("in", "param", k)
+        return self._graph.node("in", Param(k))
 
 
 def integers(rng, *shape):
@@ -511,7 +511,7 @@ def test_an_empty_forest_and_a_single_node():
     assert recorder.total(nothing, lambda kind, graph, k: k[0], [back]) == 0
     assert len(recorder.gathered(kept, "x", 0)) == 0
     single = recorder.forest(Forest(np.zeros(1, dtype=int), np.array([-1]), {"x": np.zeros(1, dtype=int)}, [np.array([3.0])]))
-    kept = recorder.sweep(single, lambda kind, comes, graph: (comes, comes[0] + graph.node("in", "param", 0)), [], root=(1.0,))
+    kept = recorder.sweep(single, lambda kind, comes, graph: (comes, comes[0] + graph.node("in", Param(0))), [], root=(1.0,))
     found = evaluated(recorder.finish({"x": 2}, {"out": objects([kept[0] + x[0], x[1]])}, ()), {"x": np.array([[1.0, 2.0], [3.0, 4.0]])})
     assert np.array_equal(found["out"], [[5, 2], [7, 4]])
 
@@ -627,9 +627,50 @@ def test_fills_write_constants_and_zeros():
         Forest(np.zeros(wood_n, dtype=int), np.arange(-1, wood_n - 1), {"x": np.arange(wood_n)}, [np.zeros(0)] * wood_n)
     )
     region = recorder.sparse(wood_n, [])
-    fields = [Records(recorder, forest, [[("vector", region, 0, "x", 0)]], [objects])]
+    fields = [NodeRecords(recorder, forest, [[Entry(region, "x", 0)]], [objects])]
     kept = recorder.sweep(forest, lambda kind, comes, graph, r: ((comes[0] + 1.0,), objects([comes[0] + r[0]])), fields, root=(-6.0,))
     program = recorder.finish({"x": 1}, {"out": recorder.gathered(kept, "x", wood_n)}, ())
     assert sum(isinstance(item, Fill) for item in program.items) == 3  # the ground's block, the region, what the ground passes on
     found = evaluated(program, {"x": np.zeros((2, 1))})["out"]
     assert np.array_equal(found, np.tile(np.arange(wood_n) - 6.0, (2, 1)))
+
+
+# --- what was recorded is checked ---
+
+
+@pytest.mark.parametrize(
+    ("places", "message"),
+    [
+        ([Entry("y", "x", 0)], "no region 'y'"),
+        ([Entry("x", "z", 0)], "forest 0 has no column 'z'"),
+        ([Entry("x", "x", 20)], "region 'x' has 20 entries, and none numbered 39"),
+        ([Entry("x", None, -1)], "none numbered -1"),
+        ([Param(2)], "kind 0 of forest 0 have 2 parameters, and none numbered 2"),
+    ],
+)
+def test_a_place_that_is_not_there_is_named(places, message):
+    wood = Wood(30, 20, kinds=1)
+    x = wood.recorder.inputs("x", (20,))
+    with pytest.raises(ValueError, match=message):
+        NodeRecords(wood.recorder, wood.forest, [places], [objects])
+    # And where a step of its own reads it.
+    kept = wood.recorder.sweep(wood.forest, lambda kind, comes, graph: ((), graph.node("in", places[0]) * 2.0), [], root=())
+    with pytest.raises(ValueError, match=message):
+        wood.recorder.finish({"x": 20}, {"out": objects([kept[3] + x[0]])}, ())
+
+
+def test_a_node_or_a_number_that_is_not_there_is_named():
+    wood = Wood(30, 20, kinds=1)
+    key = Kept(7, 0, 0)
+    with pytest.raises(ValueError, match="no forest 3: 1 were recorded"):
+        NodeRecords(wood.recorder, 3, [[Own(key)]], [objects])
+    for node, message in (
+        (OfNode(3, 0, key), "no forest 3"),
+        (OfNode(0, 20, key), "20 nodes, and none numbered 20"),
+        (OfNode(0, 0, key), "no sweep over forest 0 stores"),
+    ):
+        recorder = Recorder()
+        recorder.inputs("x", (20,))
+        recorder.forest(wood.recorder.forests[0])
+        with pytest.raises(ValueError, match=message):
+            recorder.finish({"x": 20}, {"out": objects([recorder.graph.node("in", node) * 2.0])}, ())

@@ -8,8 +8,7 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
-from ..trace.layout import ADDED, FIXED_COLUMNS, Fill, Loop, Looped, Straight
-from ..trace.program import Program
+from ..trace.layout import ADDED, FIXED_COLUMNS, Address, Fill, Loop, Looped, Step, Straight
 from .code import Code
 from .constants import Constants
 from .straight import Operands, Part
@@ -55,12 +54,13 @@ class LoopedPart:
         """The lines that evaluate the program on slots whose inputs are set."""
         return [f"  call void @{self.name}(ptr {slots})"]
 
-    def _step(self, name: str, loop: Loop, step: tuple[Program, tuple[tuple[str, int], ...]] | None, how: str) -> Iterator[str]:
+    def _step(self, name: str, loop: Loop, step: Step | None, how: str) -> Iterator[str]:
         """void @name(slots, row, parameters): one node."""
         t, F, lines, bases = self._t, self._t.float, [], {}
         columns = (*FIXED_COLUMNS, *self.program.columns[loop.forest])
 
-        def address(base: str, offset: int) -> str:
+        def pointer(address: Address) -> str:
+            base, offset = address
             if base != "slot" and base not in bases:
                 lines.append(f"  %{base}.row = getelementptr i64, ptr %row, i64 {columns.index(base)}")
                 lines.append(f"  %{base}.offset = load i64, ptr %{base}.row")
@@ -76,9 +76,9 @@ class LoopedPart:
             code, places = step
 
             def load(j: int) -> str:
-                base, offset = code.instructions[j][1:]
-                where = address(base, offset)
-                if base != "param":
+                address = code.instructions[j][1]
+                where = pointer(address)
+                if address.base != "param":
                     lines.append(f"  %v{j} = load {F}, ptr {where}")
                     return f"%v{j}"
                 lines.append(f"  %d{j} = load double, ptr {where}")
@@ -95,10 +95,10 @@ class LoopedPart:
             operand = Operands(code, t, load, constants, lines)
             operand.compute(range(len(code.instructions)))
             stores = [(place, operand(value)) for place, value in zip(places, code.outputs[""], strict=True)]
-        stores += [(("own", offset), t.constant(0.0)) for offset in loop.clears]
-        for n, ((base, offset), value) in enumerate(stores):
-            where = address(base, offset)
-            if base in ADDED:
+        stores += [(Address("own", offset), t.constant(0.0)) for offset in loop.clears]
+        for n, (address, value) in enumerate(stores):
+            where = pointer(address)
+            if address.base in ADDED:
                 lines.append(f"  %old{n} = load {F}, ptr {where}")
                 lines.append(f"  %new{n} = fadd {F} %old{n}, {value}")
                 value = f"%new{n}"

@@ -8,6 +8,7 @@ import numpy as np
 
 from ...arithmetic.operations import OPERATIONS
 from .graph import LEAVES, Graph, Node, Scalar
+from .recording import OfNode
 
 MANY, LONG = 32, 64  # expressions alike that are worth a loop; nodes of one that is looked at
 
@@ -65,7 +66,7 @@ class Alike:
                 todo.pop()
             if i in found:
                 continue
-            if len(found) + len(todo) + len(missing) > LONG or (op == "in" and not isinstance(rest[1], int)):
+            if len(found) + len(todo) + len(missing) > LONG or (op == "in" and isinstance(rest[0], OfNode)):
                 return None
             if missing:
                 todo += reversed(missing)

@@ -15,7 +15,7 @@ import numpy as np
 from ...arithmetic.operations import FUNCTIONS, OPERATIONS, Operation
 from ...arithmetic.symbols import Symbolic
 
-Node = tuple[Any, ...]  # (operation, operand, …): operands are node numbers, of "const" a float, of "in" a name and an index
+Node = tuple[Any, ...]  # (operation, operand, …): operands are node numbers, of "const" a float, of "in" a name and an index, or a place
 
 TRIGONOMETRIC = ("sin", "cos")
 LEAVES = ("const", "in")

@@ -5,7 +5,7 @@ The result is a program with loops, `Looped`: what `Program` is for straight-lin
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -13,19 +13,29 @@ from ...arithmetic import Array
 from ...system.processes import cached_property
 from .graph import Scalar
 from .program import Program, program
-from .recording import SUM, Place, Recording, Segment, Sweep, Zero, objects
+from .recording import SUM, Entry, Kept, Key, OfNode, Own, Param, Passed, Place, Recording, Segment, Sweep, Target, Up, Zero, objects
 
-ADDED = ("up", "slot", SUM)  # bases of places to which a store adds
+ADDED = ("up", "slot", SUM)  # bases of addresses to which a store adds
 FIXED_COLUMNS = ("own", "up", "param", "kind")  # of a node's row, before the forest's own
+
+
+class Address(NamedTuple):
+    """Where a step finds a number of its node: so far from a base, which is a column of the node's row; "slot": the workspace's start."""
+
+    base: str
+    offset: int
+
+
+Step = tuple[Program, tuple[Address, ...]]  # its inputs are addresses; where each of its outputs goes (`ADDED`: is added there)
 
 
 @dataclass(frozen=True, eq=False)
 class Loop:
-    """One pass over a forest: by kind, the step's program and where each of its outputs goes (`ADDED`: is added there)."""
+    """One pass over a forest, a step of each kind."""
 
     forest: int
     inward: bool
-    steps: tuple[tuple[Program, tuple[tuple[str, int], ...]] | None, ...]
+    steps: tuple[Step | None, ...]
     clears: tuple[int, ...] = ()  # entries of every node's block to be set to zero: sums of a later pass
 
 
@@ -97,7 +107,7 @@ class Layout:
     def __init__(self, recording: Recording, outputs: Mapping[str, str], inputs: dict[str, int]) -> None:
         """outputs: the region of each; the guards are that of the name "". inputs: their lengths."""
         self.r, self.outputs, self.inputs = recording, outputs, inputs
-        self.needed: set[Any] = set(outputs.values())  # names of regions, (forest, key) of nodes' numbers
+        self.needed: set[str | tuple[int, Key]] = set(outputs.values())  # names of regions, nodes' numbers by forest and key
 
     def looped(self) -> Looped:
         """The program."""
@@ -110,9 +120,10 @@ class Layout:
                     kept.append(item)
             elif item.region in self.needed:
                 if isinstance(item, Segment):
-                    for i in r.graph.live(x for _, x in item.entries):
-                        if r.graph.nodes[i][0] == "in":
-                            self._need_outer(*r.graph.nodes[i][1:])
+                    for op, *rest in map(r.graph.nodes.__getitem__, r.graph.live(x for _, x in item.entries)):
+                        if op == "in":
+                            x = rest[0]
+                            self.needed.add(self._owner(x.forest, Own(x.key)) if isinstance(x, OfNode) else x)
                 kept.append(item)
         kept.reverse()
         self._place()
@@ -131,26 +142,14 @@ class Layout:
 
     # --- what is needed ---
 
-    def _need(self, forest: int, key: Any) -> None:
-        moved = self.r.moved.get((forest, key))
-        self.needed.add(moved[0] if moved else (forest, key))
+    def _owner(self, forest: int, place: Target) -> str | tuple[int, Key]:
+        """What `needed` knows a place by."""
+        lies = self.r.lies(forest, place)
+        return lies.region if isinstance(lies, Entry) else (forest, lies.key)
 
-    def _need_outer(self, name: str, k: Any) -> None:
-        if name.startswith("block"):
-            self._need(int(name[5:]), k[1])
-        else:
-            self.needed.add(name)
-
-    def _wanted(self, sweep: Sweep, kind: int) -> list[tuple[Place, Scalar]]:
+    def _wanted(self, sweep: Sweep, kind: int) -> list[tuple[Target, Scalar]]:
         """The stores of a kind's step that something needs."""
-
-        def wanted(place: Place) -> bool:
-            if place[0] == "vector":
-                return place[1] in self.needed
-            moved = self.r.moved.get((sweep.forest, place[1]))
-            return (moved[0] if moved else (sweep.forest, place[1])) in self.needed
-
-        return [(place, x) for place, x in sweep.stores[kind] if wanted(place)]
+        return [(place, x) for place, x in sweep.stores[kind] if self._owner(sweep.forest, place) in self.needed]
 
     def _grew(self, sweep: Sweep) -> bool:
         """Note what the wanted stores need; whether that was news, which may want more stores of the same sweep."""
@@ -159,11 +158,9 @@ class Layout:
             if wanted := self._wanted(sweep, kind):
                 graph = wanted[0][1].graph
                 for i in graph.live(x for _, x in wanted):
-                    op, *place = graph.nodes[i]
-                    if op == "in" and place[0] in ("own", "up"):
-                        self._need(sweep.forest, place[1])
-                    elif op == "in" and place[0] == "vector":
-                        self.needed.add(place[1])
+                    op, *rest = graph.nodes[i]
+                    if op == "in" and not isinstance(rest[0], Param):
+                        self.needed.add(self._owner(sweep.forest, rest[0]))
         return len(self.needed) > before
 
     # --- places ---
@@ -177,12 +174,11 @@ class Layout:
                 slot += size
         self.headers, self.ground, self.blocks, self.kept = [], [], [], []
         for f, forest in enumerate(r.forests):
-            keys = sorted(x[1] for x in self.needed if isinstance(x, tuple) and x[0] == f)
-            header = {key: k for k, key in enumerate(key for key in keys if key[0] == "passed")}
+            keys = [x[1] for x in self.needed if isinstance(x, tuple) and x[0] == f]
+            header = {key: k for k, key in enumerate(sorted(key for key in keys if isinstance(key, Passed)))}
             own = [{} for _ in range(forest.count)]
-            for key in keys:
-                if key[0] == "kept":
-                    own[key[2]][key] = len(header) + len(own[key[2]])
+            for key in sorted(key for key in keys if isinstance(key, Kept)):
+                own[key.kind][key] = len(header) + len(own[key.kind])
             self.headers.append(header)
             self.kept.append(own)
             self.ground.append(slot)
@@ -192,12 +188,15 @@ class Layout:
             slot = int(ends[-1])
         self.size = max(slot, 1)
 
-    def _slot(self, forest: int, i: int, key: Any) -> int:
-        if (moved := self.r.moved.get((forest, key))) is not None:
-            region, column, k = moved
-            return self.start[region] + int(self.r.forests[forest].columns[column][i]) + k
-        header, own = self.headers[forest], self.kept[forest][int(self.r.forests[forest].kinds[i])]
-        return int(self.blocks[forest][i]) + (header[key] if key in header else own[key])
+    def _slot(self, node: OfNode) -> int:
+        forest, i, key = node.forest, node.i, node.key
+        if isinstance(entry := self.r.lies(forest, Own(key)), Entry):
+            return self.start[entry.region] + self.r.index(forest, i, entry)
+        return int(self.blocks[forest][i]) + self._offset(forest, int(self.r.forests[forest].kinds[i]), key)
+
+    def _offset(self, forest: int, kind: int, key: Key) -> int:
+        """In a node's block."""
+        return self.headers[forest][key] if isinstance(key, Passed) else self.kept[forest][kind][key]
 
     def _tables(self) -> dict[str, Array]:
         tables: dict[str, Array] = {}
@@ -227,26 +226,20 @@ class Layout:
             Loop(item.forest, item.inward, tuple(steps)),
         ]
 
-    def _step(self, sweep: Sweep, kind: int) -> tuple[Program, tuple[tuple[str, int], ...]] | None:
+    def _step(self, sweep: Sweep, kind: int) -> Step | None:
         if not (wanted := self._wanted(sweep, kind)):
             return None
         code = program(wanted[0][1].graph, {}, {"": objects([x for _, x in wanted])})
-        placed = (("in", *self._address(sweep.forest, kind, tuple(x[1:]))) if x[0] == "in" else x for x in code.instructions)
+        placed = (("in", self._address(sweep.forest, kind, x[1])) if x[0] == "in" else x for x in code.instructions)
         return replace(code, instructions=tuple(placed)), tuple(self._address(sweep.forest, kind, place) for place, _ in wanted)
 
-    def _address(self, forest: int, kind: int, place: Place) -> tuple[str, int]:
-        """(base, offset): "own", "up", "param" or a column's name with its offset from there; "slot": from the workspace's start."""
-        if place[0] == "param":
-            return "param", place[1]
-        if place[0] == "vector":
-            _, region, start, column, k = place
-            return (column or "slot", self.start[region] + start + k)
-        key = place[1]
-        if (moved := self.r.moved.get((forest, key))) is not None:
-            region, column, k = moved
-            return column, self.start[region] + k
-        header = self.headers[forest]
-        return place[0], header[key] if key in header else self.kept[forest][kind][key]
+    def _address(self, forest: int, kind: int, place: Place) -> Address:
+        lies = self.r.lies(forest, place)
+        if isinstance(lies, Param):
+            return Address("param", lies.k)
+        if isinstance(lies, Entry):
+            return Address(lies.column or "slot", self.start[lies.region] + lies.k)
+        return Address("up" if isinstance(lies, Up) else "own", self._offset(forest, kind, lies.key))
 
     def _straight(self, segment: Segment) -> list[Any]:
         graph, region = self.r.graph, segment.region
@@ -254,8 +247,7 @@ class Layout:
         slots: dict[Any, int] = {("out", region, n): self.start[region] + k for n, (k, _) in enumerate(segment.entries)}
         for op, *rest in code.instructions:
             if op == "in":
-                name, k = rest
-                slots["in", name, k] = self._slot(int(name[5:]), *k) if name.startswith("block") else self.start[name] + k
+                slots["in", *rest] = self._slot(rest[0]) if isinstance(rest[0], OfNode) else self.start[rest[0]] + rest[1]
         return [Straight(code, slots)]
 
 

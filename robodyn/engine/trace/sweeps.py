@@ -17,7 +17,7 @@ from ...arithmetic import Array
 from .alike import Alike, Pattern, Steps
 from .graph import LEAVES, Graph, Scalar
 from .layout import Layout, Looped
-from .recording import SUM, Forest, Place, Recording, Segment, Sweep, Zero, objects
+from .recording import SUM, Entry, Forest, Kept, OfNode, Own, Param, Passed, Place, Recording, Segment, Sweep, Target, Up, Zero, objects
 
 Rebuild = Callable[[Sequence[Any]], Any]
 
@@ -48,19 +48,28 @@ def constant(x: Any) -> float | None:
 
 
 @dataclass(frozen=True, eq=False)
-class Records:
-    """One record per node: for each kind the places or constants of its numbers, and what puts them together."""
+class NodeRecords:
+    """One record per node: for each kind the places or constants of its numbers, and what puts them together.
+
+    ValueError where a place is not there.
+    """
 
     recorder: "Recorder"
     forest: int
     places: list[list[Any]]
     rebuild: list[Rebuild]
 
+    def __post_init__(self) -> None:
+        for kind, places in enumerate(self.places):
+            for place in places:
+                if isinstance(place, Place):
+                    self.recorder.check_place(self.forest, kind, place)
+
     def inner(self, kind: int, graph: Graph) -> Any:
         """The record of a node of a kind, inside a step that is traced on `graph`."""
-        return self.rebuild[kind]([graph.node("in", *p) if isinstance(p, tuple) else p for p in self.places[kind]])
+        return self.rebuild[kind]([graph.node("in", p) if isinstance(p, Place) else p for p in self.places[kind]])
 
-    def unzip(self, count: int) -> tuple["Records", ...]:
+    def unzip(self, count: int) -> tuple["NodeRecords", ...]:
         """Records of `count` entries as as many, one for each entry."""
         out = []
         for n in range(count):
@@ -69,13 +78,13 @@ class Records:
                 numbers, rebuild = flatten(build(range(len(where)))[n])  # type: ignore[arg-type]
                 places.append([where[k] for k in numbers])
                 builders.append(rebuild)
-            out.append(Records(self.recorder, self.forest, places, builders))
+            out.append(NodeRecords(self.recorder, self.forest, places, builders))
         return tuple(out)
 
     def __getitem__(self, i: int) -> Any:
         """The record of one node, for straight-line code after the sweep."""
         kind = int(self.recorder.forests[self.forest].kinds[i])
-        return self.rebuild[kind]([self.recorder.at(self.forest, i, p) if isinstance(p, tuple) else p for p in self.places[kind]])
+        return self.rebuild[kind]([self.recorder.at(self.forest, i, p) if isinstance(p, Place) else p for p in self.places[kind]])
 
 
 class Recorder(Recording):
@@ -107,10 +116,9 @@ class Recorder(Recording):
         entries = [self.graph.lift(a) for a in x]
         if all(a.constant == 0 for a in entries):
             return None
-        places = [self._computed.get(a.number) or (a.node[1:] if a.node[0] == "in" else ("", None)) for a in entries]
-        name, start = places[0]
-        if isinstance(start, int) and all(place == (name, start + k) for k, place in enumerate(places)):
-            return name, start
+        places = [self._computed.get(a.number) or (a.node[1:] if a.node[0] == "in" else ()) for a in entries]
+        if len(places[0]) == 2 and all(place == (places[0][0], places[0][1] + k) for k, place in enumerate(places)):
+            return places[0]
         region = self._region(len(entries))
         self._compute(region, list(enumerate(entries)))
         return region, 0
@@ -155,15 +163,15 @@ class Recorder(Recording):
                 beside = (name for name, column in columns.items() if (places - column == places[0] - column[0]).all())
                 name = next(beside, f"in{len(columns)}")
                 columns.setdefault(name, places)
-                values.append(graph.node("in", "vector", rest[0], int(places[0] - columns[name][0]), name, 0))
+                values.append(graph.node("in", Entry(rest[0], name, int(places[0] - columns[name][0]))))
             elif op == "const":
-                values.append(graph.node("in", "param", constants))
+                values.append(graph.node("in", Param(constants)))
                 constants += 1
             else:
                 values.append(graph.node(op, *(values[j].number for j in rest)))
         parameters = [np.array(x.constants) for _, x in found]
         number = self.forest(Forest(np.zeros(len(found), dtype=np.int64), np.full(len(found), -1), columns, parameters))
-        self.items.append(Sweep(number, False, [[(("vector", region, 0, target, 0), values[-1])]], {}))
+        self.items.append(Sweep(number, False, [[(Entry(region, target, 0), values[-1])]], {}))
 
     # --- sweeps ---
 
@@ -179,19 +187,15 @@ class Recorder(Recording):
 
     def at(self, forest: int, i: int, place: Place) -> Any:
         """A number of node i, for straight-line code."""
-        f = self.forests[forest]
-        if place[0] == "param":
-            return float(f.parameters[i][place[1]])
-        if place[0] == "vector":
-            _, region, start, column, k = place
-            return self.graph.node("in", region, start + (int(f.columns[column][i]) if column else 0) + k)
-        if (forest, place[1]) in self.moved:
-            region, column, k = self.moved[forest, place[1]]
-            return self.graph.node("in", region, int(f.columns[column][i]) + k)
-        return self.graph.node("in", f"block{forest}", (i, place[1]))
+        if isinstance(place, Param):
+            return float(self.forests[forest].parameters[i][place.k])
+        place = self.lies(forest, place)
+        if isinstance(place, Entry):
+            return self.graph.node("in", place.region, self.index(forest, i, place))
+        return self.graph.node("in", OfNode(forest, i, place.key))
 
     def sweep(
-        self, forest: int, step: Callable[..., tuple[Any, Any]], fields: Sequence[Records], *, root: Any = None, inward: bool = False
+        self, forest: int, step: Callable[..., tuple[Any, Any]], fields: Sequence[NodeRecords], *, root: Any = None, inward: bool = False
     ):
         """The records that step(kind, comes, graph, *records) → (goes, kept) keeps, traced on the graph.
 
@@ -206,13 +210,13 @@ class Recorder(Recording):
         )
         leaves, rebuild = shape
         ground: list[Any] = [0.0] * len(leaves) if inward else [constant(x) for x in leaves]
-        came = "own" if inward else "up"
+        came, gone = (Own, Up) if inward else (Up, Own)
 
         def traced(same: Sequence[Any]) -> list[tuple[Graph, list[Any], Any]]:
             found = []
             for kind in kinds:
                 graph = Graph()
-                comes = rebuild([x if isinstance(x, float) else graph.node("in", came, ("passed", number, x)) for x in same])
+                comes = rebuild([x if isinstance(x, float) else graph.node("in", came(Passed(number, x))) for x in same])
                 on, kept = step(kind, comes, graph, *(x.inner(kind, graph) for x in fields))
                 found.append((graph, flatten(on)[0], kept))
             return found
@@ -227,12 +231,12 @@ class Recorder(Recording):
             if all(after[k] == (merged[k] if isinstance(merged[k], float) else after[merged[k]]) for k in range(len(same))):
                 same, found = merged, again
 
-        stores: list[list[tuple[Place, Scalar]]] = []
+        stores: list[list[tuple[Target, Scalar]]] = []
         places, builders = [], []
         for kind, (graph, on, kept) in enumerate(found):
-            passed = {("passed", number, k): graph.lift(on[k]) for k, x in enumerate(same) if x == k and not isinstance(x, float)}
-            todo: list[tuple[Place, Scalar]] = [(("up" if inward else "own", key), x) for key, x in passed.items()]
-            known: dict[int, Place] = {x.number: ("own", key) for key, x in passed.items()} if not inward else {}
+            passed = {Passed(number, k): graph.lift(on[k]) for k, x in enumerate(same) if x == k and not isinstance(x, float)}
+            todo: list[tuple[Target, Scalar]] = [(gone(key), x) for key, x in passed.items()]
+            known = {x.number: Own(key) for key, x in passed.items()} if not inward else {}
             entries, build = flatten(kept)
             places.append([])
             for k, x in enumerate(entries):
@@ -240,19 +244,19 @@ class Recorder(Recording):
                     places[-1].append(value)
                     continue
                 op, *rest = x.node
-                if op == "in" and rest[0] != "up":  # it has a place already
-                    place = tuple(rest)
+                if op == "in" and not isinstance(rest[0], Up):  # it has a place already
+                    place = rest[0]
                 else:
-                    place = known.setdefault(x.number, ("own", ("kept", number, kind, k)))
-                    if place[1][0] == "kept" and place[1][3] == k:
+                    place = known.setdefault(x.number, Own(Kept(number, kind, k)))
+                    if place.key == Kept(number, kind, k):
                         todo.append((place, x))
                 places[-1].append(place)
             stores.append(todo)
             builders.append(build)
-        self.items.append(Sweep(forest, inward, stores, {("passed", number, k): x for k, x in enumerate(ground)}))
-        return Records(self, forest, places, builders)
+        self.items.append(Sweep(forest, inward, stores, {Passed(number, k): x for k, x in enumerate(ground)}))
+        return NodeRecords(self, forest, places, builders)
 
-    def total(self, forest: int, step: Callable[..., Any], fields: Sequence[Records]) -> Any:
+    def total(self, forest: int, step: Callable[..., Any], fields: Sequence[NodeRecords]) -> Any:
         """The sum of step(kind, *records) over all nodes, for straight-line code."""
         traced, rebuild = [], None
         for kind in range(self.forests[forest].count):
@@ -262,34 +266,33 @@ class Recorder(Recording):
         if rebuild is None:
             return 0.0
         region = self._region(len(traced[0]))
-        stores = [[(("vector", region, 0, None, k), x) for k, x in enumerate(leaves)] for leaves in traced]
+        stores: list[list[tuple[Target, Scalar]]] = [[(Entry(region, None, k), x) for k, x in enumerate(leaves)] for leaves in traced]
         self.items += [Zero(region), Sweep(forest, True, stores, {})]
         return rebuild(list(self._entries(region)))
 
-    def gathered(self, records: Records, column: str, size: int) -> Array:
+    def gathered(self, field: NodeRecords, column: str, size: int) -> Array:
         """The numbers of all nodes as one vector (size,), each node's at its offset; their sums where the column is `SUM`."""
-        region, forest = self._region(size), records.forest
-        keys = [p[1] if isinstance(p, tuple) and p[0] == "own" else None for places in records.places for p in places]
-        if (
-            column != SUM
-            and all(key and key[0] == "kept" and (forest, key) not in self.moved for key in keys)
-            and len(set(keys)) == len(keys)
-        ):
-            for places in records.places:  # they live there from the start
-                self.moved.update({(forest, p[1]): (region, column, k) for k, p in enumerate(places)})
+        region, forest = self._region(size), field.forest
+        keys = [p.key if isinstance(p, Own) else None for places in field.places for p in places]
+        if column != SUM and all(isinstance(key, Kept) and (forest, key) not in self.moved for key in keys) and len(set(keys)) == len(keys):
+            for places in field.places:  # they live there from the start
+                self.moved.update({(forest, p.key): Entry(region, column, k) for k, p in enumerate(places)})
         else:
-            stores = []
-            for kind in range(len(records.places)):
+            stores: list[list[tuple[Target, Scalar]]] = []
+            for kind in range(len(field.places)):
                 graph = Graph()
-                numbers = flatten(records.inner(kind, graph))[0]
-                stores.append([(("vector", region, 0, column, k), graph.lift(x)) for k, x in enumerate(numbers)])
+                numbers = flatten(field.inner(kind, graph))[0]
+                stores.append([(Entry(region, column, k), graph.lift(x)) for k, x in enumerate(numbers)])
             self.items += [Zero(region)] * (column == SUM) + [Sweep(forest, False, stores, {})]
         return self._entries(region)
 
     # --- the end ---
 
     def finish(self, inputs: Mapping[str, int], outputs: Mapping[str, Array], guards: Sequence[Any]) -> "Looped":
-        """The program; `guards` are scalars that must turn out positive for the outputs to be trusted."""
+        """The program; `guards` are scalars that must turn out positive for the outputs to be trusted.
+
+        ValueError where what was recorded reads or stores at a place that is not there.
+        """
         regions = {}
         for name, x in {**outputs, "": objects([*guards])}.items():
             x = np.ravel(x)
@@ -302,6 +305,7 @@ class Recorder(Recording):
             regions[name] = region
         for name, size in inputs.items():
             self.regions.setdefault(name, size)
+        self.check()
         return Layout(self, regions, dict(inputs)).looped()
 
 
