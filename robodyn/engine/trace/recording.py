@@ -180,14 +180,18 @@ class Recording:
                     graphs = {id(x.graph): x.graph for _, x in stores}.values()
                     read = (node[1] for graph in graphs for node in graph.nodes if node[0] == "in")
                     for place in (*(place for place, _ in stores), *read):
-                        self.check_place(item.forest, kind, place)
                         if isinstance(place, Own | Up):
                             check_stored(item.forest, place.key)
+                        else:
+                            self.check_place(item.forest, kind, place)
             elif isinstance(item, Segment):
                 for k, _ in item.entries:
                     self._check_entries(item.region, k, k)
             else:
                 self._check_entries(item.region, 0, -1)
+        for (forest, key), entry in self.moved.items():
+            if isinstance(key, Kept):
+                self.check_place(forest, key.kind, entry)
         for op, *rest in self.graph.nodes:
             if op == "in" and isinstance(rest[0], OfNode):
                 node = rest[0]
@@ -200,7 +204,6 @@ class Recording:
     def check_place(self, forest: int, kind: int, place: Place) -> None:
         """ValueError where a node of this kind has no such place: an unknown forest, region or column, an entry or parameter beyond."""
         f = self._forest(forest)
-        place = self.lies(forest, place)
         if isinstance(place, Param):
             fewest = f.lengths[f.kinds == kind].min(initial=place.k + 1)
             if not 0 <= place.k < fewest:
