@@ -496,12 +496,12 @@ def test_code_is_the_same_for_a_hundred_and_a_thousand_joints():
         yield blocks.module(evaluator.kernel(ForwardDynamics("auto")).program, 8)
         yield blocks.module(evaluator.kernel(JointReactions("auto", "world", "total", tuple(range(n)))).program, 1)
         bare = rd.Scene(robot).evaluator
-        yield integrate.module(METHODS["rk4"].tableau(), bare.evolution("auto"), bare.projection(), 1)
+        yield integrate.module(METHODS["rk4"].tableau(), bare.integrators.evolution("auto"), bare.integrators.projection(), 1)
         table = {name: 0.1 + 0.0103 * i for i, name in enumerate(robot.joint_names)}  # none, nor half of one, folds away
         loads = [load(table) for load in (rd.JointDamping, rd.JointFriction, rd.JointSpring, rd.JointForce)]
         law = rd.ControlLaw(lambda t, q, v: np.where(q > 0.1, -v, np.tanh(v)) * np.cos(t) - 0.1 * q[3] * v)
         driven = rd.Scene(robot, loads=[*loads, law]).evaluator
-        yield integrate.module(METHODS["rk4"].tableau(), driven.evolution("auto"), driven.projection(), 1)
+        yield integrate.module(METHODS["rk4"].tableau(), driven.integrators.evolution("auto"), driven.integrators.projection(), 1)
         yield blocks.module(driven.kernel(Energies()).program, 8)
 
     for small, large in zip(texts(104), texts(1000), strict=True):
