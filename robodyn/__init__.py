@@ -6,7 +6,7 @@
     trajectory = rd.simulate(rd.Scene(robot), t_end=5.0)
     trajectory.to_html("run.html")
 
-SI units and radians; six-vectors angular first; quaternions (w, x, y, z). DESIGN of the conventions: README.md.
+SI units and radians; six-vectors angular first; quaternions (w, x, y, z). Conventions: README.md.
 """
 
 from typing import TYPE_CHECKING

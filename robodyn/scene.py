@@ -116,7 +116,7 @@ class Scene(Asking):
         part: str = "constraint",
         joints: Iterable[str] | None = None,
     ) -> Reactions:
-        """The same at known accelerations a (..., nv), joints' own forces u (..., nu) and loads' states z, as a `Trajectory` holds them.
+        """As `reactions`, at known accelerations a (..., nv), joints' own forces u (..., nu), loads' states z: what a `Trajectory` holds.
 
         InputError for an argument of the wrong shape or value.
         """

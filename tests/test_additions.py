@@ -1,7 +1,7 @@
 """Additions from outside the package, each as one class: a load with a state of its own, a joint that moves by the time, a question."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from tools import EPS, SEEDS, case, error
 import robodyn as rd
 from robodyn.arithmetic import cos, sin
 from robodyn.arithmetic.vectors import column, joined, mul, rotation
-from robodyn.dynamics.questions import Answer, Question
+from robodyn.dynamics.questions import Answer, Evolution, Question
 from robodyn.joints.base import AxisJoint
 from robodyn.loads import LOADS, Load
 
@@ -178,6 +178,34 @@ def test_a_driven_joint_runs_in_loops(monkeypatch):
     assert error(scene.forward_dynamics([0.7], [0.2], t=0.3), expected) < C * EPS
     run = rd.simulate(scene, t_end=0.2, q0=[0.4], method="rk4")
     assert error(run.q, rd.simulate(scene, t_end=0.2, q0=[0.4], method="rk4", backend="numpy").q) < C * EPS
+
+
+def driven_and_coupled(n=20) -> rd.Robot:
+    """A driven joint at the foot of a chain in which two joints share a coordinate, and a free slider at its end."""
+    chain = rd.random_robot(np.random.default_rng(6), n, branching=0.0, joint_types=("revolute",), fixed=0.0)
+    joints = list(chain.joints)
+    joints[1] = replace(joints[1], type=Driven(joints[1].type.axis, swung))
+    joints[5] = replace(joints[5], mimic=rd.Mimic(4, 0.7, 0.1))
+    return replace(chain, joints=tuple(joints))
+
+
+@pytest.mark.parametrize("t", [0.0, 0.4])
+def test_composed_answers_know_the_time_and_the_loads_states(monkeypatch, t):
+    """M̂ and k̂ by kernels and LAPACK, where several joints share a coordinate: driven joints and z as on NumPy."""
+    monkeypatch.setattr("robodyn.evaluation.routes.UNROLLED", 0)
+    robot = driven_and_coupled()
+    rng = np.random.default_rng(2)
+    q, v = rng.uniform(-1, 1, (3, robot.nq)), rng.uniform(-1, 1, (3, robot.nv))
+    scene = rd.Scene(robot, loads=[Lag(robot.joint_names[-1], 1.0, 0.2)])
+    assert scene.evaluator.routes.composes
+    kappa = np.linalg.cond(scene.mass_matrix(q[0], t=t, backend="numpy"))
+    assert error(scene.mass_matrix(q, t=t), scene.mass_matrix(q, t=t, backend="numpy")) < C * EPS
+    assert error(scene.forward_dynamics(q, v, t=t), scene.forward_dynamics(q, v, t=t, backend="numpy")) < C * kappa * EPS
+    z = rng.uniform(-1, 1, (3, 1))
+    found, expected = (scene.evaluator.ask(Evolution("auto"), b, t=t, q=q, v=v, tau=None, z=z) for b in BACKENDS)
+    assert set(found) == set(expected) == {"qdot", "vdot", "zdot", "power"}
+    for name in found:
+        assert error(found[name], expected[name]) < C * kappa * EPS, name
 
 
 # --- a question ---

@@ -48,6 +48,7 @@ class Solved(Question):
     """A question about accelerations that have to be solved for, by a route: "auto", or a name in `equations.FORMALISMS`."""
 
     formalism: str
+    beside: ClassVar[tuple[str, ...] | None] = None  # what of a `Balance` the answer needs beside η̇; None: it cannot be composed of one
 
     def by(self, formalism: str) -> Self:
         """The same question by another route."""
@@ -59,6 +60,7 @@ class ForwardDynamics(Solved):
     """η̇ (..., nv)."""
 
     needs = ("q", "v", "tau")
+    beside = ()
 
     def shapes(self, robot: Mechanism, nz: int = 0) -> Shapes:
         return {"vdot": (robot.nv,)}
@@ -77,6 +79,7 @@ class Evolution(Solved):
     needs = ("q", "v", "tau")
     admissible = False
     loaded = (*LOADS, "state_rate")
+    beside = ("qdot", "zdot", "power")
 
     def shapes(self, robot: Mechanism, nz: int = 0) -> Shapes:
         return {"qdot": (robot.nq,), "vdot": (robot.nv,), "power": ()} | ({"zdot": (nz,)} if nz else {})
@@ -95,6 +98,7 @@ class Result(Solved):
     """η̇ (..., nv) and the joints' own forces u (..., nu): what a trajectory keeps of a state."""
 
     needs = ("q", "v", "tau")
+    beside = ("u",)
 
     def shapes(self, robot: Mechanism, nz: int = 0) -> Shapes:
         return {"vdot": (robot.nv,), "u": (robot.nu,)}
@@ -127,12 +131,12 @@ class InverseDynamics(Question):
 class Balance(Question):
     """What M̂ η̇ = k̂ leaves at accelerations a: k̂ − M̂ a (..., nv), the "residual"; and what else of a state is named in `shown`."""
 
-    shown: tuple[str, ...]  # of "residual", "u", "qdot", "power"
+    shown: tuple[str, ...]  # of "residual", "u", "qdot", "zdot", "power"
     needs = ("q", "v", "a", "tau")
     admissible = False
 
     def shapes(self, robot: Mechanism, nz: int = 0) -> Shapes:
-        shapes: Shapes = {"residual": (robot.nv,), "u": (robot.nu,), "qdot": (robot.nq,), "power": ()}
+        shapes: Shapes = {"residual": (robot.nv,), "u": (robot.nu,), "qdot": (robot.nq,), "zdot": (nz,), "power": ()}
         return {name: shapes[name] for name in self.shown}
 
     def answer(self, views: Views, t: Array | float, q: Array, v: Array, a: Array, tau: Array, z: Array = NOTHING) -> Answer:  # type: ignore[override]
@@ -144,6 +148,8 @@ class Balance(Question):
             found["residual"] = acts.tau - equations.inverse(state, a, acts.wrenches)
         if "qdot" in self.shown:
             found["qdot"] = equations.rate(q, v)
+        if "zdot" in self.shown:
+            found["zdot"] = equations.state_rate(state)
         return Answer({name: found[name] for name in self.shown})
 
 
@@ -170,6 +176,7 @@ class JointReactions(Solved):
     part: str
     joints: tuple[int, ...]
     needs = ("q", "v", "tau")
+    beside = ("u",)
 
     def shapes(self, robot: Mechanism, nz: int = 0) -> Shapes:
         return {"wrenches": (len(self.joints), 6)}

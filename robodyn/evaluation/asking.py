@@ -27,8 +27,9 @@ CHOICES = {"formalism": FORMALISMS, "frame": FRAMES, "part": PARTS}
 
 
 class Computed(TypedDict, total=False):
-    """How an answer is computed."""
+    """When, and how an answer is computed."""
 
+    t: float
     backend: str
     threads: int | None
     dtype: DTypeLike
@@ -41,10 +42,9 @@ class Written(Computed, total=False):
 
 
 class Acting(TypedDict, total=False):
-    """What acts: gravity, and loads at a time."""
+    """What acts beside loads."""
 
     gravity: Array | Sequence[float]
-    t: float
 
 
 class Potential(Acting, Computed, total=False):
@@ -79,7 +79,7 @@ ARGUMENTS = {
 # Each option's default and meaning, in the order in which signatures show them.
 OPTIONS: dict[str, tuple[object, str]] = {
     "gravity": (EARTH, "acceleration (3,) [m/s²] in the ground's frame. For a `Robot` only: a `Scene` has its own."),
-    "t": (0.0, "time [s], for loads that depend on it."),
+    "t": (0.0, "time [s], for loads and joints that depend on it."),
     "frame": ("child", 'wrenches are resolved in the "child" link, the "parent" link or the "world".'),
     "part": (
         "constraint",
@@ -90,7 +90,8 @@ OPTIONS: dict[str, tuple[object, str]] = {
     "formalism": (
         "auto",
         '"recursive" and "nonrecursive" are two routes of M̂ η̇ = k̂; "auto" takes the cheaper, counted in operations and in values that '
-        'wait for long. "saddle_joint" and "saddle_body", eqs. (18) and (19), are oracles and always run on NumPy. So does "nonrecursive" '
+        'wait for long; on NumPy, by how deep the tree is. "saddle_joint" and "saddle_body", eqs. (18) and (19), are oracles and always '
+        'run on NumPy. So does "nonrecursive" '
         "for robots of more than 100 bodies or freedoms: their kernels would take minutes to compile. Of robots with mimic joints and more "
         'than 50 bodies or freedoms, "auto" solves for accelerations by LAPACK, on the mass matrix that kernels find.',
     ),

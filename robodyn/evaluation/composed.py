@@ -10,13 +10,12 @@ import numpy as np
 
 from ..arithmetic import Array
 from ..checks.motion import smallest_pivots
-from ..dynamics.questions import Balance, Evolution, ForwardDynamics, JointReactions, KnownReactions, Question, Result
+from ..dynamics.questions import Balance, JointReactions, KnownReactions, Solved
 from ..formalism.ldl import solve_dense
 from ..formalism.solution import Solution
 from ..model import Tree
 
 NUMBERS = 2**21  # entries of the mass matrices that are held at a time
-BESIDE = {ForwardDynamics: (), Evolution: ("qdot", "power"), Result: ("u",), JointReactions: ("u",)}  # what they need beside η̇
 
 Ask = Callable[..., dict[str, Array]]  # as `Evaluator.ask`
 
@@ -29,27 +28,33 @@ class Composed:
     ask: Ask
     ask_unloaded: Ask
 
-    def mass_matrix(self, q: Array, threads: int | None, dtype: np.dtype) -> Array:
-        """M̂ (..., nv, nv) at q (..., nq), checked: what unit accelerations take at rest, without gravity and loads."""
-        asked = {"q": q[..., None, :], "v": None, "a": -np.eye(self.tree.nv), "tau": None}
-        M = self.ask_unloaded(Balance(("residual",)), threads=threads, dtype=dtype, **asked)["residual"]
+    def mass_matrix(self, q: Array, t: Array | float, threads: int | None, dtype: np.dtype) -> Array:
+        """M̂ (..., nv, nv) at q (..., nq), checked, and t (...) [s]: what unit accelerations take at rest, without gravity and loads."""
+        asked = {"q": q[..., None, :], "v": None, "tau": None, "threads": threads, "dtype": dtype}
+        if self.tree.rheonomic:  # where joints are driven, that much less what they take anyway
+            asked["t"] = np.asarray(t, dtype=float)[..., None] if np.ndim(t) else t
+        M = self.ask_unloaded(Balance(("residual",)), a=-np.eye(self.tree.nv), **asked)["residual"]
+        if self.tree.rheonomic:
+            M = M - self.ask_unloaded(Balance(("residual",)), a=None, **asked)["residual"]
         return np.triu(M) + np.swapaxes(np.triu(M, 1), -1, -2)
 
     def answer(
-        self, question: Question, shapes: Mapping[str, object], t: Array | float, threads: int | None, dtype: np.dtype, x: dict[str, Array]
+        self, question: Solved, shapes: Mapping[str, object], t: Array | float, threads: int | None, dtype: np.dtype, x: dict[str, Array]
     ) -> dict[str, Array] | None:
-        """The answer to a question about accelerations at arrays x, checked; None where a pivot is not to be trusted."""
+        """The answer to a question about accelerations at arrays x, checked; None where a pivot is not to be trusted, or none is known."""
+        if question.beside is None:
+            return None
         nv, own = self.tree.nv, {"z": x["z"]} if "z" in x else {}
-        found = self.ask(
-            Balance(("residual", *BESIDE[type(question)])), t=t, threads=threads, q=x["q"], v=x["v"], a=None, tau=x["tau"], **own
-        )
+        shown = ("residual", *(name for name in question.beside if own or name != "zdot"))
+        found = self.ask(Balance(shown), t=t, threads=threads, q=x["q"], v=x["v"], a=None, tau=x["tau"], **own)
         k = found.pop("residual")
         q, b = x["q"].reshape(-1, self.tree.nq), k.reshape(-1, nv)
+        times = np.broadcast_to(np.asarray(t, dtype=float), k.shape[:-1]).reshape(-1)
         step = max(1, NUMBERS // nv**2)
         try:
             blocks = (slice(i, i + step) for i in range(0, max(1, len(b)), step))
             with np.errstate(all="ignore"):  # what is not finite is found below
-                parts = [solve_dense(self.mass_matrix(q[block], threads, np.dtype(float)), b[block]) for block in blocks]
+                parts = [solve_dense(self.mass_matrix(q[block], times[block], threads, np.dtype(float)), b[block]) for block in blocks]
         except np.linalg.LinAlgError:
             return None
         pieces = (np.concatenate(part).reshape(k.shape) for part in zip(*(part[:3] for part in parts), strict=True))

@@ -125,13 +125,13 @@ class Evaluator:
         formalism = question.formalism if isinstance(question, Solved) else None
         natively = backend == "native" and self.routes.compiles(formalism)
         if natively and isinstance(question, MassMatrix) and self.routes.loops:
-            M = self._composed.mass_matrix(self.checked(question, arrays)["q"], threads, precise)
+            M = self._composed.mass_matrix(self.checked(question, arrays)["q"], t, threads, precise)
             return self._written({"M": M}, out, arrays)
         if natively:
             answer = self._natively(question, t, threads, precise, out, arrays)
             if answer is not None:
                 return answer
-        if backend == "native" and formalism == "auto" and self.routes.composes:
+        if backend == "native" and isinstance(question, Solved) and formalism == "auto" and self.routes.composes:
             _ = self._possible
             checked = self.checked(question, arrays, precise)
             answer = self._composed.answer(question, self._shapes(question), t, threads, precise, checked)

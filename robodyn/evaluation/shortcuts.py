@@ -9,7 +9,7 @@ import numpy as np
 
 from ..arithmetic import Array
 from ..dynamics.questions import Question
-from ..engine.run import builtin as fastcall
+from ..engine.run import builtin
 from ..engine.run.kernel import Kernel
 from ..model import Mechanism
 from ..system.processes import lock
@@ -45,7 +45,7 @@ class Shortcuts:
 
     def _prepare(self, question: Question, kernel: Kernel | None) -> None:
         """Put a built-in function for a question in place, if its kernel is there already and has one array as its answer."""
-        if kernel is None or not fastcall.supported():
+        if kernel is None or not builtin.supported():
             return
         with self._lock:
             if question in self._known:
@@ -53,7 +53,7 @@ class Shortcuts:
             shapes = question.shapes(self._robot)
             function, (name, shape) = None, next(iter(shapes.items()))
             if len(shapes) == 1 and shape:
-                function = fastcall.bind(kernel, question.needs, _none, optional=len(question.needs) - 1)
+                function = builtin.bind(kernel, question.needs, _none, optional=len(question.needs) - 1)
             self._known[question] = function, name, shape
 
     def hasten(self, owner: object, method: FunctionType, question: Question, kernel: Callable[[], Kernel]) -> None:
@@ -63,13 +63,13 @@ class Shortcuts:
         method as before. Not where a subclass has a method of its own: that one is to be called.
         """
         name = method.__name__
-        if name in owner.__dict__ or getattr(type(owner), name) is not method or not fastcall.supported():
+        if name in owner.__dict__ or getattr(type(owner), name) is not method or not builtin.supported():
             return
         found = kernel()
         with self._lock:
             if name not in owner.__dict__:  # another thread may have been first: what it put there may be running already
                 optional = len(method.__defaults__ or ())
-                owner.__dict__[name] = fastcall.bind(found, question.needs, MethodType(method, owner), optional=optional)
+                owner.__dict__[name] = builtin.bind(found, question.needs, MethodType(method, owner), optional=optional)
 
 
 def _none(*_: object, **__: object) -> None:

@@ -5,11 +5,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..arithmetic import Array
+from ..arithmetic import EPS, Array
 from ..checks import inputs
 from ..errors import InputError
 
-EPS = float(np.finfo(float).eps)
 MOST_RESULTS = 1e8  # of one trajectory: beyond this memory runs out first
 
 

@@ -94,7 +94,7 @@ class Graph:
 
 
 class Traced(Symbolic):
-    """What is not known yet: a node of a graph. NumPy's functions take it, as far as `dispatch` goes."""
+    """What is not known yet: a node of a graph. NumPy's functions take it, as far as `arithmetic.symbols` goes."""
 
     __slots__ = ("graph", "node", "number")
 
