@@ -66,7 +66,7 @@ def test_it_falls_as_a_screw_does(backend):
 def test_a_loop_of_many():
     """Natively as by NumPy; in a row about one axis, each moves all that follow: the last joint feels its own link alone."""
     robot = screws(60)
-    assert robot.alone.evaluator.loops
+    assert robot.alone.evaluator.routes.loops
     q, v = robot.random_state(np.random.default_rng(0))
     a = np.random.default_rng(1).normal(size=robot.nv)
     tau = robot.inverse_dynamics(q, v, a)
