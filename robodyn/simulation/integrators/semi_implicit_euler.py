@@ -1,6 +1,6 @@
 """Euler's method with the new velocity in the positions, equal steps: order 1, symplectic for a separable energy.
 
-Its right-hand side knows h: β̇ belongs to η + h η̇ (see `Evaluator.evolution`). The step itself is then Euler's explicit one.
+Its right-hand side knows h: β̇ belongs to η + h η̇ (see `evaluation.integrator_programs`). The step itself is then Euler's explicit one.
 """
 
 import numpy as np
